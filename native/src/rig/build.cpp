@@ -358,10 +358,13 @@ Variable variable_of(const RigDescription& rig, const VariableDescription& given
     fail(owner(), " reads ", name, ", which is not among the rig's values from outside; describe it there");
   };
   Variable variable;
-  variable.targets = given.targets;
+  for (std::size_t i = 0; i < variable.targets.size(); ++i) {
+    const VariableTarget& target = given.targets[i];
+    variable.targets[i] = {target.target, target.channel, target.space, target.rotation, target.order};
+  }
   switch (given.type) {
     case VariableType::property: {
-      for (VariableTarget& target : variable.targets) target.target = {};
+      for (ReadTarget& target : variable.targets) target.target = {};
       if (!given.outside.empty()) {
         variable.value = map.find_outside(given.outside);
         if (variable.value < 0) refuse_unknown(given.outside);
@@ -397,7 +400,7 @@ Variable variable_of(const RigDescription& rig, const VariableDescription& given
       variable.type = Variable::Type::rotation_difference;
       break;
   }
-  for (const VariableTarget& target : variable.targets) check_target(rig, target.target, owner);
+  for (const ReadTarget& target : variable.targets) check_target(rig, target.target, owner);
   return variable;
 }
 
@@ -507,6 +510,19 @@ void check_settings(const RigDescription& rig, const Program& program) {
   }
 }
 
+/// Puts the drivers in the order in which they run, each with what it needs behind that of the one before: on a frame
+/// they are not in the caches.
+void store_in_order(Program& program) {
+  std::vector<ProgramDriver> stored;
+  stored.reserve(program.drivers.size());
+  for (Operation& operation : program.order) {
+    if (operation.type != Operation::Type::driver) continue;
+    stored.push_back(program.drivers[operation.index]);
+    operation.index = static_cast<int>(stored.size()) - 1;
+  }
+  program.drivers = std::move(stored);
+}
+
 void check_description(const RigDescription& rig) {
   if (!rig.refused.empty()) {
     const std::size_t others = rig.refused.size() - 1;
@@ -549,6 +565,11 @@ Program build_program(const RigDescription& rig) {
   for (Tree& tree : program.trees) add_plans(program, tree);
   add_chains(rig, program);
   program.order = put_in_order(program);
+  store_in_order(program);
+  const std::vector<char> written = written_values(program);
+  for (std::size_t i = 0; i < written.size(); ++i) {
+    if (written[i]) program.written.push_back(static_cast<int>(i));
+  }
   return program;
 }
 

@@ -1,12 +1,15 @@
 #include "rig/driver.h"
 
 #include <cmath>
+#include <utility>
 
 #include "rig/rotation_channels.h"
 
 namespace sinew::rig {
 
-Driver::Driver(const DriverDescription& data) : type_(data.type), curve_(data.curve) {
+Driver::Driver(const DriverDescription& data) : type_(data.type) {
+  FCurve curve(data.curve);
+  if (!curve.is_empty()) curve_ = std::make_shared<const FCurve>(std::move(curve));
   if (type_ != DriverType::scripted) return;
   std::vector<std::string> names;
   for (const VariableDescription& variable : data.variables) names.push_back(variable.name);
@@ -39,7 +42,7 @@ Driver::Result Driver::combined(std::span<const float> variables, float time) co
 
 Driver::Result Driver::value(std::span<const float> variables, float time) const {
   Result result = combined(variables, time);
-  if (!curve_.is_empty()) result.value = curve_.value(result.value, curve_.has_keys() ? 0 : result.value);
+  if (curve_) result.value = curve_->value(result.value, curve_->has_keys() ? 0 : result.value);
   return result;
 }
 

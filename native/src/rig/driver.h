@@ -1,6 +1,7 @@
 /// Drivers: what their variables read, and what they make of it.
 #pragma once
 
+#include <memory>
 #include <span>
 
 #include "rig/expression.h"
@@ -29,7 +30,7 @@ class Driver {
 
   DriverType type_;
   Expression expression_;
-  FCurve curve_;
+  std::shared_ptr<const FCurve> curve_;  // null: none, as of nearly all
 };
 
 /// What a transform variable reads of an object.

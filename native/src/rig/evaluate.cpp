@@ -49,7 +49,7 @@ void evaluate(const Program& program, State& state, float frame) {
   state.undefined_driver = -1;
   ++state.pass;
   state.enter(RigPart::curves);
-  std::copy(state.base.begin(), state.base.end(), state.values.begin());
+  for (const int value : program.written) state.values[value] = state.base[value];
   FCurve::KnownRoot known;
   for (const ProgramCurve& curve : program.curves) {
     store(program, state, curve.value, curve.curve.value(frame, 0, &known));

@@ -80,7 +80,6 @@ FCurve::FCurve(const CurveDescription& data, ValueKind kind)
       is_rounded_(!data.is_free && kind != ValueKind::real) {
   const std::vector<CurveKey>& keys = data.keys;
   frames_.reserve(keys.size());
-  values_.reserve(keys.size());
   if (!keys.empty()) parts_.reserve(keys.size() - 1);
   for (std::size_t i = 0; i < keys.size(); ++i) {
     check_finite(keys[i], i);
@@ -89,7 +88,7 @@ FCurve::FCurve(const CurveDescription& data, ValueKind kind)
            ", before the key in front of it, at frame ", keys[i - 1].point[0], ". Sort the keys by frame.");
     }
     frames_.push_back(keys[i].point[0]);
-    values_.push_back(keys[i].point[1]);
+    last_value_ = keys[i].point[1];
     if (i + 1 < keys.size()) parts_.push_back(part_of(keys[i], keys[i + 1]));
   }
   for (const CurveModifier& modifier : data.modifiers) {
@@ -123,9 +122,7 @@ FCurve::Part FCurve::part_of(const CurveKey& key, const CurveKey& next) {
   part.begin = key.point[1];
   part.change = next.point[1] - key.point[1];
   part.duration = next.point[0] - key.point[0];
-  part.amplitude = key.amplitude;
-  part.period = key.period;
-  part.back = key.back;
+  part.height = {key.amplitude, key.period, key.back};
   if (part.duration == 0) part.interpolation = KeyInterpolation::constant;
   if (part.interpolation != KeyInterpolation::bezier) return part;
 
@@ -146,25 +143,17 @@ FCurve::Part FCurve::part_of(const CurveKey& key, const CurveKey& next) {
   shorten(p2, p1);
   shorten(p3, p4);
 
-  part.slope = 3.0f * (p2[0] - p1[0]);
-  part.square = 3.0f * (p1[0] - 2.0f * p2[0] + p3[0]);
-  part.cubic = p4[0] - p1[0] + 3.0f * (p2[0] - p3[0]);
-  if (part.cubic != 0) {
-    const double b = part.slope / part.cubic;
-    part.a = part.square / part.cubic / 3;
-    part.p = b / 3 - part.a * part.a;
-    part.p_cubed = part.p * part.p * part.p;
-    part.q_base = 2 * part.a * part.a * part.a - part.a * b;
-  }
+  part.time = {3.0f * (p2[0] - p1[0]), 3.0f * (p1[0] - 2.0f * p2[0] + p3[0]), p4[0] - p1[0] + 3.0f * (p2[0] - p3[0])};
   part.height = {3.0f * (p2[1] - p1[1]), 3.0f * (p1[1] - 2.0f * p2[1] + p3[1]), p4[1] - p1[1] + 3.0f * (p2[1] - p3[1])};
   return part;
 }
 
-/// Where between the keys a time is, 0 to 1. constant  the polynomial's constant term.
-std::optional<float> FCurve::root_of(const Part& part, double constant) {
-  if (part.cubic == 0) return root_of_square(part.square, part.slope, constant);
+/// Where between the keys a time is, 0 to 1: the root of a polynomial.
+std::optional<float> FCurve::root_of(double cubic, double square, double slope, double constant) {
+  if (cubic == 0) return root_of_square(square, slope, constant);
   // Cardano's formula.
-  const double a = part.a, q = (part.q_base + constant / part.cubic) / 2, d = q * q + part.p_cubed;
+  const double a = square / cubic / 3, b = slope / cubic, c = constant / cubic, p = b / 3 - a * a;
+  const double q = (2 * a * a * a - a * b + c) / 2, d = q * q + p * p * p;
   if (d > 0) {
     const double t = std::sqrt(d);
     return first_inside(cube_root(-q + t) + cube_root(-q - t) - a);
@@ -173,9 +162,9 @@ std::optional<float> FCurve::root_of(const Part& part, double constant) {
     const double t = cube_root(-q);
     return first_inside(2 * t - a, -t - a);
   }
-  const double phi = std::acos(-q / std::sqrt(-part.p_cubed)), t = std::sqrt(-part.p);
-  const double p = std::cos(phi / 3), r = std::sqrt(3 - 3 * p * p);
-  return first_inside(2 * t * p - a, -t * (p + r) - a, -t * (p - r) - a);
+  const double phi = std::acos(-q / std::sqrt(-(p * p * p))), t = std::sqrt(-p);
+  const double cosine = std::cos(phi / 3), r = std::sqrt(3 - 3 * cosine * cosine);
+  return first_inside(2 * t * cosine - a, -t * (cosine + r) - a, -t * (cosine - r) - a);
 }
 
 /// negative_time  the part's first frame minus the time.
@@ -183,10 +172,9 @@ float FCurve::bezier(const Part& part, float negative_time, KnownRoot* known) {
   if (part.is_flat) return part.begin;
   KnownRoot own;
   KnownRoot& last = known != nullptr ? *known : own;
-  const double constant = negative_time;
-  const bool is_known = last.is_known && last.constant == constant && last.cubic == part.cubic &&
-                        last.square == part.square && last.slope == part.slope;
-  if (!is_known) last = {part.cubic, part.square, part.slope, constant, true, root_of(part, constant)};
+  if (!last.is_known || last.constant != negative_time || last.time != part.time) {
+    last = {part.time, negative_time, true, root_of(part.time[2], part.time[1], part.time[0], negative_time)};
+  }
   if (!last.root) return 0;
   const float t = *last.root;
   return part.begin + t * part.height[0] + t * t * part.height[1] + t * t * t * part.height[2];
@@ -205,12 +193,12 @@ float FCurve::inside(std::size_t index, float time, KnownRoot* known) const {
       return bezier(part, frames_[index] - time, known);
     default:
       return eased(part.interpolation, part.easing, since,
-                   {part.begin, part.change, part.duration, part.amplitude, part.period, part.back});
+                   {part.begin, part.change, part.duration, part.height[0], part.height[1], part.height[2]});
   }
 }
 
 float FCurve::outside(float time, bool is_before) const {
-  const float end = is_before ? values_.front() : values_.back();
+  const float end = is_before ? first_value() : last_value_;
   const float slope = slopes_[is_before ? 0 : 1];
   if (slope == 0) return end;
   return end - slope * ((is_before ? frames_.front() : frames_.back()) - time);
@@ -219,8 +207,8 @@ float FCurve::outside(float time, bool is_before) const {
 float FCurve::of_keys(float time, KnownRoot* known) const {
   if (time <= frames_.front()) return outside(time, true);
   if (frames_.back() <= time) return outside(time, false);
-  if (is_same_frame(time, frames_.front())) return values_.front();
-  if (is_same_frame(time, frames_.back())) return values_.back();
+  if (is_same_frame(time, frames_.front())) return first_value();
+  if (is_same_frame(time, frames_.back())) return last_value_;
   // Blender's search, not std::lower_bound: of several keys nearby it decides which one is found.
   std::ptrdiff_t begin = 0, end = std::ssize(frames_);
   while (begin <= end) {
@@ -230,7 +218,7 @@ float FCurve::of_keys(float time, KnownRoot* known) const {
       continue;
     }
     const float frame = frames_[middle];
-    if (is_same_frame(time, frame)) return values_[middle];
+    if (is_same_frame(time, frame)) return value_of_key(middle);
     if (time > frame) {
       begin = middle + 1;
     } else {
@@ -238,7 +226,7 @@ float FCurve::of_keys(float time, KnownRoot* known) const {
     }
   }
   // A time that is not a number is before the first key.
-  return begin == 0 ? values_.front() : inside(begin - 1, time, known);
+  return begin == 0 ? first_value() : inside(begin - 1, time, known);
 }
 
 /// Returns the time within the keys, and what is added to the value there.
@@ -256,7 +244,7 @@ std::pair<float, float> FCurve::cycled(const CurveModifier& cycles, float time) 
   float offset = 0;
   if (mode == CycleMode::repeat_with_offset) {
     const float number = (time - nearest) / length;
-    offset = (is_before ? std::floor(number) : std::ceil(number)) * (values_.back() - values_.front());
+    offset = (is_before ? std::floor(number) : std::ceil(number)) * (last_value_ - first_value());
   }
   const bool is_mirror = mode == CycleMode::mirror;
   const auto is_odd = [](double number) { return std::fmod(std::trunc(number), 2) != 0; };

@@ -25,7 +25,8 @@ class FCurve {
 
   /// The last polynomial of a time that was solved. Channels that are keyed together have the same ones.
   struct KnownRoot {
-    double cubic = 0, square = 0, slope = 0, constant = 0;
+    std::array<float, 3> time = {};  ///< see Part
+    float constant = 0;
     bool is_known = false;
     std::optional<float> root;
   };
@@ -41,7 +42,7 @@ class FCurve {
   bool is_empty() const { return frames_.empty() && modifiers_.empty() && !is_rounded_; }
 
  private:
-  /// The part of the curve from one key to the next.
+  /// The part of the curve from one key to the next. Small: a rig has thousands, which are not in the caches.
   struct Part {
     KeyInterpolation interpolation;
     KeyEasing easing;
@@ -49,11 +50,10 @@ class FCurve {
     float begin;   // value
     float change;  // of the value until the next key
     float duration;
-    float amplitude, period, back;
-    std::array<float, 3> height;  // Bezier: the value's polynomial, without the constant term
-    // Bezier: the time's polynomial is divided by its cubic coefficient and has the roots of x^3 + 3 p x + 2 q, moved
-    // by -a. Without a cubic term `cubic` is 0.
-    double cubic, square, slope, a, p, p_cubed, q_base;
+    // Bezier: the polynomials of the value and of the time, without their constant terms, from the linear one on. Else
+    // amplitude, period and back.
+    std::array<float, 3> height;
+    std::array<float, 3> time;
   };
 
   float of_keys(float time, KnownRoot* known) const;
@@ -62,12 +62,15 @@ class FCurve {
   std::pair<float, float> cycled(const CurveModifier& cycles, float time) const;
   float modified(float time, float without_keys, KnownRoot* known) const;
   static Part part_of(const CurveKey& key, const CurveKey& next);
-  static std::optional<float> root_of(const Part& part, double constant);
+  static std::optional<float> root_of(double cubic, double square, double slope, double constant);
   static float bezier(const Part& part, float time_left, KnownRoot* known);
+
+  float first_value() const { return parts_.empty() ? last_value_ : parts_.front().begin; }
+  float value_of_key(std::size_t key) const { return key < parts_.size() ? parts_[key].begin : last_value_; }
 
   std::vector<float> frames_;
   std::vector<Part> parts_;
-  std::vector<float> values_;
+  float last_value_ = 0;
   std::array<float, 2> slopes_{};  // before the first and after the last key
   std::vector<CurveModifier> modifiers_;
   bool has_steps_ = false;

@@ -215,7 +215,7 @@ void Graph::add_driver(int index) {
       need_bent(index, variable.value);
     }
     if (variable.type == Variable::Type::bone_length) need(node, bone_node(variable.value));
-    for (const VariableTarget& read : variable.targets) {
+    for (const ReadTarget& read : variable.targets) {
       if (read.target.type != RigTarget::Type::bone) continue;
       const bool reads_channels =
           read.space == TransformSpace::transform && variable.type != Variable::Type::rotation_difference;

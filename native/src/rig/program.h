@@ -80,12 +80,21 @@ struct Constraint {
   std::vector<float> joints;  ///< see ConstraintDescription
 };
 
+/// What a variable reads of a target, see VariableTarget. Small: a rig may have thousands, which are not in the caches.
+struct ReadTarget {
+  RigTarget target;
+  TransformChannel channel = TransformChannel::location_x;
+  TransformSpace space = TransformSpace::world;
+  ChannelRotation rotation = ChannelRotation::automatic;
+  RotationMode order = RotationMode::quaternion;
+};
+
 struct Variable {
   enum class Type : std::uint8_t { value, bone_length, transform, location_difference, rotation_difference };
   Type type = Type::value;
   int value = -1;                            ///< the number or bone that it reads
   std::array<int, 3> angles = {-1, -1, -1};  ///< the numbers that VariableTarget::angles names
-  std::array<VariableTarget, 2> targets;
+  std::array<ReadTarget, 2> targets;
 };
 
 struct ProgramDriver {
@@ -174,6 +183,7 @@ struct Program {
   std::vector<ProgramDriver> drivers;
   std::vector<ProgramCurve> curves;
   Nla nla;
+  std::vector<int> written;  ///< the numbers that curves, strips and drivers set
   std::vector<Mat4> outside;
   std::vector<MovingObject> objects;  ///< parents first
   std::vector<Tree> trees;

@@ -34,6 +34,7 @@ std::span<const float, 16> matrix_at(const GivenMatrix& given, std::ptrdiff_t fr
 
 /// Puts what the caller gives for a frame into a state.
 void take_inputs(const GivenInputs& given, const rig::Program& program, std::ptrdiff_t frame, rig::State& state) {
+  for (const rig::GivenNumber& last : state.given) state.values[last.value] = state.base[last.value];
   state.given.clear();
   std::ranges::copy(program.outside, state.outside.begin());
   std::ranges::fill(state.is_given, 0);

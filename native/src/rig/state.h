@@ -24,10 +24,10 @@ struct Place {
 
 /// What is kept of a bone's channels.
 struct KeptChannels {
-  std::array<float, kPoseBend> values = {};
   Mat4 matrix;
   bool is_known = false;
   bool is_identity = false;
+  std::array<float, kPoseBend> values = {};  ///< from which it was computed
 };
 
 /// A B-bone's shape at rest and what follows from it.
@@ -89,10 +89,10 @@ struct State {
   explicit State(const Program& program);
 
   float frame = 0;
-  std::uint32_t pass = 0;     ///< counts evaluations
-  int undefined_driver = -1;  ///< the first driver that divided by 0 in this frame
-  std::vector<float> base;    ///< the numbers before curves and drivers
-  std::vector<float> values;
+  std::uint32_t pass = 0;          ///< counts evaluations
+  int undefined_driver = -1;       ///< the first driver that divided by 0 in this frame
+  std::vector<float> base;         ///< the numbers before curves and drivers
+  std::vector<float> values;       ///< those that nothing sets are as in `base` between evaluations, too
   std::vector<GivenNumber> given;  ///< replace what curves set
   std::vector<Mat4> outside;       ///< world matrices from outside
   std::vector<char> is_given;      ///< of those: objects do not replace them

@@ -21,7 +21,7 @@ Mat4 matrix_in(const Program& program, State& state, const RigTarget& target, Tr
 }
 
 float outside_value(const State& state, const Variable& variable, const Mat4& m) {
-  const VariableTarget& read = variable.targets[0];
+  const ReadTarget& read = variable.targets[0];
   if (variable.angles[0] < 0) return transform_channel(m, {read.channel, read.rotation}, EulerOrder::xyz, nullptr);
   Vec3 angles;
   for (int i = 0; i < 3; ++i) angles[i] = state.values[variable.angles[i]];
@@ -29,7 +29,7 @@ float outside_value(const State& state, const Variable& variable, const Mat4& m)
 }
 
 float transform_value(const Program& program, State& state, const Variable& variable) {
-  const VariableTarget& read = variable.targets[0];
+  const ReadTarget& read = variable.targets[0];
   const RigTarget& target = read.target;
   if (target.type == RigTarget::Type::none) return 0;
   const bool is_bone = target.type == RigTarget::Type::bone;
@@ -46,7 +46,7 @@ float transform_value(const Program& program, State& state, const Variable& vari
   return transform_channel(m, {read.channel, read.rotation}, bone.order(), bone.has_euler() ? &own : nullptr);
 }
 
-Vec3 location_in(const Program& program, State& state, const VariableTarget& read) {
+Vec3 location_in(const Program& program, State& state, const ReadTarget& read) {
   const int bone = read.target.index;
   if (read.target.type == RigTarget::Type::bone) {
     if (read.space == TransformSpace::transform) {
