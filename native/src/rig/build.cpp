@@ -1,11 +1,11 @@
+#include "rig/build.h"
+
 #include <algorithm>
 #include <cmath>
 #include <span>
 
 #include "base/check.h"
 #include "rig/constraints/constraint.h"
-#include "rig/constraints/ik.h"
-#include "rig/constraints/spline_ik.h"
 #include "rig/ik_plan.h"
 #include "rig/order.h"
 #include "rig/program.h"
@@ -13,23 +13,9 @@
 namespace sinew::rig {
 namespace {
 
-std::string bone_text(const RigDescription& rig, int bone) { return "bone \"" + rig.bones[bone].name + "\""; }
-
 std::string constraint_text(const RigDescription& rig, const ConstraintDescription& constraint) {
   return std::string(constraint_name(constraint.type)) + " \"" + constraint.name + "\" of " +
          bone_text(rig, constraint.bone);
-}
-
-/// owner: returns what has the target, for messages. To write them takes longer than all else.
-template <class Owner>
-void check_target(const RigDescription& rig, const RigTarget& target, const Owner& owner) {
-  const auto check = [&](std::size_t count, const char* what) {
-    if (target.index < 0 || target.index >= static_cast<int>(count)) {
-      fail(owner(), " looks at ", what, " ", target.index, "; the rig has ", grouped(static_cast<long long>(count)));
-    }
-  };
-  if (target.type == RigTarget::Type::bone) check(rig.bones.size(), "bone");
-  if (target.type == RigTarget::Type::outside) check(rig.matrices.size(), "matrix");
 }
 
 Mat3 matrix3_of(const std::array<float, 9>& numbers) {
@@ -206,17 +192,6 @@ void assign_constraints(Program& program) {
   }
 }
 
-int place_of(const ValueMap& map, const ValuePath& value, const char* what) {
-  const ValueMap::Found found = map.find(value.path);
-  if (found.first < 0) {
-    fail("a ", what, " sets ", value.path, ", which the rig does not have; remove it or describe the property");
-  }
-  if (value.index < 0 || value.index >= found.count) {
-    fail("a ", what, " sets number ", value.index, " of ", value.path, ", which has ", found.count);
-  }
-  return found.first + value.index;
-}
-
 void add_object(const RigDescription& rig, int index, Program& program) {
   const ObjectDescription& given = rig.objects[index];
   const std::string text = "object \"" + given.name + "\"";
@@ -235,196 +210,6 @@ void add_object(const RigDescription& rig, int index, Program& program) {
   check_finite(given.parent_inverse, "the parent inverse matrix of " + text);
   program.objects.push_back({program.map.first_of_object(index), given.matrix, given.parent,
                              matrix_of(given.parent_inverse), given.rotation_mode});
-}
-
-void add_spline(const RigDescription& rig, int index, Program& program) {
-  const SplineDescription& given = rig.splines[index];
-  const auto text = [&] { return "spline \"" + given.name + "\""; };
-  const int matrices = static_cast<int>(rig.matrices.size());
-  if (given.matrix < 0 || given.matrix >= matrices) {
-    fail(text(), " has matrix ", given.matrix, "; the rig has ", grouped(matrices));
-  }
-  constexpr int kMostPoints = 10000;
-  constexpr int kMostPieces = 1024;  // Blender's limit
-  const int count = static_cast<int>(std::min<std::size_t>(given.points.size(), kMostPoints + 1));
-  if (count < 2 || count > kMostPoints) {
-    fail(text(), " has ", plural(static_cast<long long>(given.points.size()), "point"), "; expected 2 to ",
-         grouped(kMostPoints));
-  }
-  if (given.handles.size() != given.points.size()) {
-    fail(text(), " has handles of ", plural(static_cast<long long>(given.handles.size()), "point"), "; expected ",
-         count);
-  }
-  if (given.resolution < 1 || given.resolution > kMostPieces) {
-    fail(text(), " has resolution ", given.resolution, "; expected 1 to ", grouped(kMostPieces));
-  }
-  Spline spline;
-  spline.matrix = given.matrix;
-  spline.is_poly = given.is_poly;
-  spline.resolution = given.resolution;
-  const ValueMap::Found radii = program.map.find(given.radii);
-  if (radii.first < 0 || radii.count != count) {
-    fail(text(), " has ", count, " points and as their radii ", given.radii,
-         ", which is no property of so many numbers");
-  }
-  spline.radii = radii.first;
-  spline.radius_interpolation = given.radius_interpolation;
-  for (const std::array<float, 9>& point : given.points) {
-    check_finite(point, "a point of " + text());
-    spline.points.push_back(
-        {{{point[0], point[1], point[2]}, {point[3], point[4], point[5]}, {point[6], point[7], point[8]}}});
-  }
-  spline.handles = given.handles;
-  spline.has_keys = given.has_keys;
-  for (const SplineKey& key : given.keys) {
-    const ValueMap::Found value = program.map.find(key.value);
-    if (value.first < 0 || value.count != 1) {
-      fail(text(), " has a key with the value ", key.value, ", which is no property of one number");
-    }
-    if (key.points.size() != given.points.size()) {
-      fail(text(), " has ", count, " points and a key with ", key.points.size());
-    }
-    if (key.relative < -1 || key.relative >= static_cast<int>(given.keys.size())) {
-      fail(text(), " has a key relative to key ", key.relative, "; expected -1 to ", given.keys.size() - 1);
-    }
-    for (const std::array<float, 10>& point : key.points) check_finite(point, "a point of a key of " + text());
-    spline.keys.push_back({value.first, key.relative, key.points});
-  }
-  spline.hooks = given.hooks;
-  for (const SplineHook& hook : spline.hooks) {
-    check_target(rig, hook.target, text);
-    if (hook.target.type == RigTarget::Type::none) fail(text(), " has a hook without a target");
-    check_finite(hook.inverse, "the inverse matrix of a hook of " + text());
-    check_finite({&hook.strength, 1}, "the strength of a hook of " + text());
-    for (const int point : hook.points) {
-      if (point < 0 || point >= 3 * count) fail(text(), " has a hook of handle ", point, "; it has ", 3 * count);
-    }
-  }
-  program.splines.push_back(std::move(spline));
-}
-
-/// Where Blender puts the joints of a chain along its spline, from the tip on: evenly, or by the bones' lengths.
-std::vector<float> bound_joints(const Program& program, const Chain& chain, bool is_even) {
-  std::vector<float> joints = {1};
-  for (const int bone : chain.bones) {
-    const float share = is_even || chain.length == 0 ? 1.0F / static_cast<float>(chain.bones.size())
-                                                     : program.bones[bone].length / chain.length;
-    joints.push_back(joints.back() - share);
-  }
-  return joints;
-}
-
-/// Finds the chains of Spline IK. Throws InputError for bones that several constraints would move together.
-void add_chains(const RigDescription& rig, Program& program) {
-  const std::vector<char> written = written_values(program);
-  for (std::size_t i = 0; i < program.constraints.size(); ++i) {
-    const Constraint& constraint = program.constraints[i];
-    if (constraint.type != ConstraintType::spline_ik) continue;
-    const auto initial = [&](int setting) { return program.map.values()[constraint.values + setting].initial; };
-    const auto is_always = [&](int setting, bool wanted) {
-      return !written[constraint.values + setting] && (initial(setting) != 0) == wanted;
-    };
-    if (is_always(kMuted, true) || is_always(kValid, false) || is_always(kInfluence, false)) continue;
-    const std::string text = "Spline IK of " + bone_text(rig, constraint.bone);
-    Chain chain;
-    chain.constraint = static_cast<int>(i);
-    chain.spline = constraint.spline;
-    const int number = static_cast<int>(program.chains.size());
-    for (const int bone : ik_chain(program.bones, constraint.bone, static_cast<int>(initial(kSplineChainLength)))) {
-      if (program.bones[bone].tree >= 0 || program.bones[bone].chain >= 0) {
-        fail(text, " moves ", bone_text(rig, bone), ", which another IK constraint moves, too; that is not computed");
-      }
-      program.bones[bone].chain = number;
-      chain.bones.push_back(bone);
-      chain.length += program.bones[bone].length;
-    }
-    chain.joints = constraint.joints;
-    if (chain.joints.empty()) chain.joints = bound_joints(program, chain, initial(kSplineEvenDivisions) != 0);
-    if (chain.joints.size() <= chain.bones.size()) {
-      fail(text, " has ", plural(static_cast<long long>(chain.joints.size()), "joint"), " for ",
-           plural(static_cast<long long>(chain.bones.size()), "bone"), "; expected one more joint than bones");
-    }
-    float& root = chain.joints[chain.bones.size()];
-    root = std::max(root, 0.0F);
-    program.chains.push_back(std::move(chain));
-  }
-}
-
-/// owner: as above.
-template <class Owner>
-Variable variable_of(const RigDescription& rig, const VariableDescription& given, const ValueMap& map,
-                     const Owner& owner) {
-  const auto refuse_unknown = [&](const std::string& name) {
-    fail(owner(), " reads ", name, ", which is not among the rig's values from outside; describe it there");
-  };
-  Variable variable;
-  for (std::size_t i = 0; i < variable.targets.size(); ++i) {
-    const VariableTarget& target = given.targets[i];
-    variable.targets[i] = {target.target, target.channel, target.space, target.rotation, target.order};
-  }
-  switch (given.type) {
-    case VariableType::property: {
-      for (ReadTarget& target : variable.targets) target.target = {};
-      if (!given.outside.empty()) {
-        variable.value = map.find_outside(given.outside);
-        if (variable.value < 0) refuse_unknown(given.outside);
-        return variable;
-      }
-      variable.value = map.find_element(given.path);
-      if (variable.value >= 0) return variable;
-      constexpr std::string_view kLength = ".length";
-      if (given.path.starts_with("pose.bones[") && given.path.ends_with(kLength)) {
-        const ValueMap::Found bone = map.find(given.path.substr(0, given.path.size() - kLength.size()) + ".location");
-        if (bone.first >= 0) {
-          variable.type = Variable::Type::bone_length;
-          variable.value = bone.first / kBoneValueCount;
-          return variable;
-        }
-      }
-      fail(owner(), " reads ", given.path, ", which the rig does not have; remove it or describe the property");
-    }
-    case VariableType::transform:
-      variable.type = Variable::Type::transform;
-      for (std::size_t i = 0; i < variable.angles.size(); ++i) {
-        const std::string& angle = given.targets[0].angles[i];
-        variable.angles[i] = map.find_outside(angle);
-        if (variable.angles[i] < 0) variable.angles[i] = map.find_element(angle);
-        if (variable.angles[i] < 0 && !angle.empty()) refuse_unknown(angle);
-      }
-      variable.targets[1].target = {};
-      break;
-    case VariableType::location_difference:
-      variable.type = Variable::Type::location_difference;
-      break;
-    case VariableType::rotation_difference:
-      variable.type = Variable::Type::rotation_difference;
-      break;
-  }
-  for (const ReadTarget& target : variable.targets) check_target(rig, target.target, owner);
-  return variable;
-}
-
-/// Builds a part whose errors do not say where they are. owner: as above.
-template <class Owner, class Build>
-auto named(const Owner& owner, const Build& build) {
-  try {
-    return build();
-  } catch (const InputError& error) {
-    fail(owner(), ": ", error.what());
-  }
-}
-
-void add_driver(const RigDescription& rig, const DriverDescription& given, Program& program) {
-  const int value = place_of(program.map, given.value, "driver");
-  if (given.value.path.starts_with("objects[")) {
-    fail("a driver sets ", given.value.path, ", which is not computed; use keyframes");
-  }
-  const auto owner = [&] { return "the driver of " + program.map.name(value); };
-  std::vector<Variable> variables;
-  for (const VariableDescription& variable : given.variables) {
-    variables.push_back(variable_of(rig, variable, program.map, owner));
-  }
-  program.drivers.push_back({value, std::move(variables), named(owner, [&] { return Driver(given); })});
 }
 
 ProgramCurve curve_of(const AnimatedValue& given, const Program& program) {
@@ -536,6 +321,17 @@ void check_description(const RigDescription& rig) {
 }
 
 }  // namespace
+
+int place_of(const ValueMap& map, const ValuePath& value, const char* what) {
+  const ValueMap::Found found = map.find(value.path);
+  if (found.first < 0) {
+    fail("a ", what, " sets ", value.path, ", which the rig does not have; remove it or describe the property");
+  }
+  if (value.index < 0 || value.index >= found.count) {
+    fail("a ", what, " sets number ", value.index, " of ", value.path, ", which has ", found.count);
+  }
+  return found.first + value.index;
+}
 
 void check_finite(std::span<const float> numbers, const std::string& what) {
   for (const float number : numbers) {

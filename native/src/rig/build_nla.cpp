@@ -3,9 +3,7 @@
 #include <string_view>
 #include <unordered_map>
 
-#include "base/check.h"
-#include "rig/nla.h"
-#include "rig/program.h"
+#include "rig/build.h"
 
 namespace sinew::rig {
 namespace {
@@ -63,12 +61,9 @@ class Builder {
         fail("a strip sets number ", curve.value.index, " of ", curve.value.path, ", which has ", property.count);
       }
       const int value = values_[found->second] + curve.value.index;
-      try {
-        action.push_back(
-            {found->second, property.first + curve.value.index, FCurve(curve.curve, map_.values()[value].kind)});
-      } catch (const InputError& error) {
-        fail("the curve of ", map_.name(value), ": ", error.what());
-      }
+      const auto owner = [&] { return "the curve of " + map_.name(value); };
+      action.push_back({found->second, property.first + curve.value.index,
+                        named(owner, [&] { return FCurve(curve.curve, map_.values()[value].kind); })});
     }
     nla_.actions.push_back(std::move(action));
   }
@@ -99,12 +94,12 @@ class Builder {
       fail("a strip is from frame ", given.start, " to ", given.end, "; it has to end after it begins");
     }
     Strip strip{given, {}, {}, {}};
-    try {
-      if (!given.influence_curve.keys.empty()) strip.influence_curve = FCurve(given.influence_curve);
-      if (!given.time_curve.keys.empty()) strip.time_curve = FCurve(given.time_curve);
-    } catch (const InputError& error) {
-      fail("a curve of a strip: ", error.what());
-    }
+    const auto curve_of = [](const CurveDescription& curve) -> std::optional<FCurve> {
+      if (curve.keys.empty()) return std::nullopt;
+      return named([] { return "a curve of a strip"; }, [&] { return FCurve(curve); });
+    };
+    strip.influence_curve = curve_of(given.influence_curve);
+    strip.time_curve = curve_of(given.time_curve);
     if (given.action < -1 || given.action >= std::ssize(rig_.actions)) {
       fail("a strip plays action ", given.action, "; the rig has ", rig_.actions.size());
     }
