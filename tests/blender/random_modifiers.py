@@ -2,10 +2,7 @@
 
 from typing import Any
 
-import bpy
-
 TYPES = "CYCLES", "GENERATOR", "FNGENERATOR", "ENVELOPE", "LIMITS", "STEPPED"
-HAS_POINTS = bpy.app.version >= (4, 4, 0)  # before, Blender crashes when a script adds a point of an envelope
 
 
 def modify(curve: Any, random: Any) -> None:
@@ -43,13 +40,9 @@ def _fngenerator(modifier: Any, random: Any) -> None:
 
 
 def _envelope(modifier: Any, random: Any) -> None:
+    """Without points: Blender (4.2 to 5.2) writes into memory of something else when a script adds one."""
     modifier.reference_value = random.uniform(-1, 1)
     modifier.default_min, modifier.default_max = random.uniform(-1, 0), random.uniform(0.1, 1)
-    for frame in sorted(random.sample(range(-5, 45), random.randint(0, 3))):
-        low, high = random.uniform(-1, 0), random.uniform(0, 1)
-        if HAS_POINTS:
-            point = modifier.control_points.add(frame)
-            point.min, point.max = low, high
 
 
 def _limits(modifier: Any, random: Any) -> None:

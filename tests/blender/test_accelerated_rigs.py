@@ -1009,3 +1009,28 @@ def test_linked_characters_and_overrides(cast, tmp_path, is_override):
     wait(cast)
     assert cast.rig.is_frozen, cast.rig.reason
     cast.play()
+
+
+def make_an_object():
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Made", None))
+
+
+@pytest.mark.parametrize("edit", (None, set_rest, set_mode, scale))
+def test_a_scene_is_chosen_while_something_waits_to_be_removed(cast, edit):
+    """Blender builds relations, with the keyframes that it has not seen before, and then calls handlers: if these have it
+    build them again, it crashes (4.3)."""
+    removed = bpy.data.objects.new("Removed", None)
+    cast.scene.collection.objects.link(removed)
+    accelerate(cast)
+    bpy.ops.scene.new(type="LINK_COPY")
+    addon_module("run.mail").removals.append((bpy.data.objects.remove, (removed,)))
+    addon_module("run.mail").post(make_an_object)
+    for armature, *_ in both(cast) if edit else ():
+        edit(armature)
+    bpy.context.window.scene = cast.scene
+    cast.assert_same()
+    cast.play([3, 5])
+    layer().update()
+    assert "Removed" not in bpy.data.objects
+    accelerate(cast)
+    cast.play([6, 2])

@@ -364,6 +364,9 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
 
 
 def _tag_relations(graph: Any) -> None:
+    """Has Blender build the relations of a graph, unless it has just done so, with all keyframes."""
+    if evaluations.are_new((each.action for rig in rigs.idle() for each in actions.of(rig.ob)), graph):
+        return
     tagged = relations.tag()
     watch.expect(graph, [tagged, *bpy.data.collections, *bpy.data.scenes])
     watch.wait_for(graph, tagged)

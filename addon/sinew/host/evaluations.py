@@ -1,6 +1,7 @@
 """Tells whether Blender is evaluating an object, and whether it calls handlers afterwards."""
 
 import ctypes
+from collections.abc import Iterable
 from typing import Any
 
 import bpy
@@ -47,6 +48,13 @@ def is_animation_tagged(block: Any) -> bool:
     """Whether the keyframes of a data-block are to be evaluated again on the frame that is shown. Inserting a keyframe
     does not ask for that."""
     return bool(_tags(block) & _ANIMATION)
+
+
+def are_new(blocks: Iterable[Any], graph: Any) -> bool:
+    """Whether Blender has built a graph's relations with any of these original data-blocks, as with the action of an
+    armature that was frozen, and has not evaluated it yet. If relations were built again before that, Blender (4.3)
+    would follow addresses in copies that it has not made, and crash."""
+    return any(not block.evaluated_get(graph).name for block in blocks)  # as long as there is nothing in the copy
 
 
 def is_job_running() -> bool:

@@ -37,9 +37,19 @@ _bones: dict[Any, tuple[int | None, list[str]]] = {}
 _is_file_unknown = True
 
 
+def _is_calm(scene: bpy.types.Scene) -> bool:
+    """Whether data-blocks may be removed before an evaluation: not after a scene was chosen, for which Blender has
+    already built relations."""
+    graphs = [layer.depsgraph for layer in scene.view_layers]
+    return not any(graph is not None and evaluations.are_new(bpy.data.actions, graph) for graph in graphs)
+
+
 @persistent
 def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
-    mail.remove_what_waits()
+    has_mail = mail.removals or not HAS_EVENT_LOOP and mail.letters
+    is_calm = has_mail and _is_calm(scene)
+    if is_calm:
+        mail.remove_what_waits()
     write_lock.look()
     take_over_open_file()
     characters.see_surroundings()
@@ -47,7 +57,7 @@ def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
         evaluations.note_playing(any(each.screen.is_animation_playing for each in bpy.context.window_manager.windows))
     if characters.may_follow_clips():
         _in_main_thread(_pose, scene)
-    if not HAS_EVENT_LOOP and mail.letters:
+    if not HAS_EVENT_LOOP and mail.letters and is_calm:
         # Whatever is tagged after the frame change is copied from the file once more, with the values that keyframes
         # had on the viewport's frame.
         mail.deliver()
@@ -108,8 +118,9 @@ def _in_main_thread(function, *arguments):
 
 
 @persistent
-def before_depsgraph_update(*_: Any) -> None:
-    mail.remove_what_waits()
+def before_depsgraph_update(scene: bpy.types.Scene, *_: Any) -> None:
+    if mail.removals and _is_calm(scene):
+        mail.remove_what_waits()
     characters.see_surroundings()
 
 
