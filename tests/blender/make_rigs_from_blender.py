@@ -25,7 +25,7 @@ from helpers import addon_module
 from test_spline_ik import tentacle
 
 SEEDS = (44, 6, 1)
-STRIPS = 5
+STRIPS = 9
 BONES = 12  # those after them are left out; nothing before looks at them
 TIMES = (1, 4.25, 20.5, -7)
 FILE = Path(c_library.__file__).parent / f"rigs_from_blender_{bpy.app.version[0]}_{bpy.app.version[1]}.json.gz"

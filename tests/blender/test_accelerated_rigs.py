@@ -1017,7 +1017,7 @@ def make_an_object():
 
 @pytest.mark.parametrize("edit", (None, set_rest, set_mode, scale))
 def test_a_scene_is_chosen_while_something_waits_to_be_removed(cast, edit):
-    """Blender builds relations, with the keyframes that it has not seen before, and then calls handlers: if these have it
+    """Blender builds relations, with keyframes that it has not seen before, and then calls handlers: if these have it
     build them again, it crashes (4.3)."""
     removed = bpy.data.objects.new("Removed", None)
     cast.scene.collection.objects.link(removed)
