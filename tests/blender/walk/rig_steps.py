@@ -36,6 +36,11 @@ def actions():
     return [each for each in bpy.data.actions if each.name.startswith(ACTION)]
 
 
+def _assign(data, action):
+    with contextlib.suppress(RuntimeError):  # before 4.4 Blender refuses some
+        data.action = action
+
+
 @on_rig(2)
 def change_action(random, armature):
     data = armature.animation_data_create()
@@ -43,13 +48,14 @@ def change_action(random, armature):
         ("copy", "other", "push down", "push down", "mute", "mute", "solo", "pull up", "pull up", "none")
     )
     if data.action is None and not data.nla_tracks:
-        what, data.action = "give", random.choice(actions() or [None])
+        what = "give"
+        _assign(data, random.choice(actions() or [None]))
     elif what == "copy" and data.action is not None:
         data.action = data.action.copy()
     elif what == "none":
         data.action = None
     elif what == "other":
-        data.action = random.choice(actions() or [None])
+        _assign(data, random.choice(actions() or [None]))
     elif what == "push down" and data.action is not None:
         track = data.nla_tracks.new()
         strip = track.strips.new("Strip", random.choice((1, 1, 4)), data.action)
