@@ -99,6 +99,11 @@ class Entries {
     const py::handle found = find(key);
     return found ? cast<T>(key, found) : fallback;
   }
+  template <class T>
+  std::optional<T> get_if(const char* key) {
+    const py::handle found = find(key);
+    return found ? std::optional<T>(cast<T>(key, found)) : std::nullopt;
+  }
 
   /// One of the names, as an enumeration.
   template <class Enum>
@@ -618,15 +623,12 @@ class Reader {
     read("influence", modifier.influence);
     read("blend_in", modifier.blend_in);
     read("blend_out", modifier.blend_out);
-    const auto read_if = [&](const char* key, std::optional<float>& number) {
-      if (const py::handle found = entries.find(key)) number = entries.cast<float>(key, found);
-    };
-    read_if("min_x", modifier.least_frame);
-    read_if("max_x", modifier.most_frame);
-    read_if("min_y", modifier.least_value);
-    read_if("max_y", modifier.most_value);
-    read_if("first_stepped", modifier.first_stepped);
-    read_if("last_stepped", modifier.last_stepped);
+    modifier.least_frame = entries.get_if<float>("min_x");
+    modifier.most_frame = entries.get_if<float>("max_x");
+    modifier.least_value = entries.get_if<float>("min_y");
+    modifier.most_value = entries.get_if<float>("max_y");
+    modifier.first_stepped = entries.get_if<float>("first_stepped");
+    modifier.last_stepped = entries.get_if<float>("last_stepped");
     if (entries.find("range")) {
       const std::array<float, 2> range = entries.numbers<2>("range");
       modifier.has_range = true;
@@ -722,8 +724,8 @@ class Reader {
     strip.is_muted = entries.get<bool>("mute", false);
     strip.keeps_frames = entries.get<bool>("keeps_frames", false);
     strip.is_time_cyclic = entries.get<bool>("use_animated_time_cyclic", false);
-    if (const py::handle found = entries.find("influence")) strip.influence = entries.cast<float>("influence", found);
-    if (const py::handle found = entries.find("strip_time")) strip.time = entries.cast<float>("strip_time", found);
+    strip.influence = entries.get_if<float>("influence");
+    strip.time = entries.get_if<float>("strip_time");
     strip.influence_curve = optional_curve(entries, "influence_curve");
     strip.time_curve = optional_curve(entries, "time_curve");
     if (const py::handle found = entries.find("action")) {
