@@ -260,9 +260,9 @@ def with_timed_driver(cast, armature, _ob, _prop):
     return "may change on each frame by itself"
 
 
-def with_cloth(cast, _armature, ob, _prop):
-    ob.modifiers.new("Cloth", "CLOTH")
-    return "is simulated"
+def with_fluid(cast, _armature, ob, _prop):
+    ob.modifiers.new("Fluid", "FLUID")
+    return "needs its armature between frames"
 
 
 def with_moving_target(cast, armature, _ob, _prop):

@@ -15,7 +15,7 @@ from .shapes import is_alive
 
 # Constraints that depend on the frame, or on what cannot be watched.
 TIMED = {"TRANSFORM_CACHE", "FOLLOW_TRACK", "CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_PATH"}
-_SIMULATED = {"CLOTH", "SOFT_BODY", "PARTICLE_SYSTEM", "FLUID", "DYNAMIC_PAINT"}
+_BETWEEN_FRAMES = {"FLUID", "DYNAMIC_PAINT"}  # which have Blender evaluate keyframes between two frames
 # What drivers may read of a bone on each frame.
 _RECORDED = {*poses.RECORDED, "matrix", "matrix_channel", "head", "tail", "length"}
 MOST_NAMES = 3  # that a reason lists
@@ -37,6 +37,9 @@ class Followers:
     hooked: list[Any] = field(default_factory=list)  # mesh objects with Sinew's hook
     placed: list[Any] = field(default_factory=list)  # objects that hang on bones, or are constrained to them
     shaped: list[Any] = field(default_factory=list)  # objects that Blender deforms
+    # Those of them that time has Blender evaluate: their simulations would begin anew if they were tagged.
+    simulated: list[Any] = field(default_factory=list)
+    is_simulated: bool = False  # some of these, or hooked
     # Armatures, and their data, that Blender evaluates on each frame anyway.
     keyframed: list[Any] = field(default_factory=list)
     # (shape keys' data-block, numbers of its keys that drivers set which read the bones)
@@ -49,7 +52,7 @@ class Followers:
 
     @property
     def objects(self) -> list[Any]:
-        return [*self.hooked, *self.placed, *self.shaped]
+        return [*self.hooked, *self.placed, *self.shaped, *self.simulated]
 
     def drivers(self) -> list[Any]:
         """Returns the other drivers."""
@@ -106,19 +109,41 @@ def _of(rig: Any, users: dict[Any, set[Any]], graph: Any) -> Followers:
     meshes = {keys.user for keys, _numbers in found.keyed} - {ob.data for ob in (*found.hooked, *found.shaped)}
     if meshes:
         found.shaped += [ob for ob in bpy.data.objects if ob.data in meshes and _is_evaluated(ob, graph)]
-    for ob in found.objects:
-        if is_simulated(ob):
-            raise NotFreezable(f"{ob.name} is simulated, and a simulation needs each frame of its armature")
+    _sort_simulations(found)
     data = [ob.data for ob in (*found.hooked, *found.shaped) if ob.data is not None]
     data += [each.shape_keys for each in data if getattr(each, "shape_keys", None) is not None]
     found.keys, found.copied = frozenset(map(values.key_of, found.objects)), [*found.objects, *data]
     return found
 
 
+def _sort_simulations(found: Followers) -> None:
+    """Sorts out which of these objects are simulated. Raises NotFreezable if a simulation would be another one."""
+    for ob in found.objects:
+        if any(each.type in _BETWEEN_FRAMES for each in ob.modifiers):
+            raise NotFreezable(f"{ob.name} is simulated, and its simulation needs its armature between frames")
+        cached = relations.simulations(ob)
+        if not cached:
+            continue
+        if ob in found.placed:
+            raise NotFreezable(f"{ob.name} hangs on bones, and what is simulated of it would begin anew on each frame")
+        if ob in found.shaped:
+            if not any(each.show_viewport and not _is_static(each) for each in cached):
+                raise NotFreezable(f"{ob.name} has hair or a simulation that is switched off: bind it with Sinew, too")
+            found.shaped.remove(ob)
+            found.simulated.append(ob)
+        found.is_simulated = True
+
+
+def _is_static(modifier: Any) -> bool:
+    """Whether time does not change what a modifier simulates."""
+    system = modifier.particle_system if modifier.type == "PARTICLE_SYSTEM" else None
+    return system is not None and system.settings.type == "HAIR" and not system.use_hair_dynamics
+
+
 def is_simulated(ob: Any) -> bool:
     """Whether an object's shape or place depends on the frames before."""
-    is_body = ob.rigid_body is not None or ob.soft_body is not None
-    return is_body or any(each.type in _SIMULATED for each in ob.modifiers)
+    is_between = any(each.type in _BETWEEN_FRAMES for each in ob.modifiers)
+    return is_between or ob.rigid_body is not None or bool(relations.simulations(ob))
 
 
 def _made_by(groups: set[Any], users: dict[Any, set[Any]], graph: Any) -> list[Any]:

@@ -216,16 +216,17 @@ def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
     """Writes the pose of an armature that was just frozen. Returns whether its bones had another pose, so that what
     follows them has to be evaluated again."""
     graph, pose = layer.depsgraph, rigs.now(rig, scene)
-    if pose is None or not rigs.is_without_keys(rig, graph):  # a handler has changed the frame, or relations
+    is_shown = pose is not None and rigs.shows(rig, graph, pose)
+    # A handler has changed the frame, or relations; or what is simulated would have to be tagged.
+    if pose is None or not rigs.is_without_keys(rig, graph) or not is_shown and rig.followers.is_simulated:
         watch.expect_thaw(graph, rig)
         relations.tag()
         return False
     rig.is_selected = not _selected(layer).isdisjoint(rig.followers.keys | {rig.key})
     rig.shown, rig.pose, rig.state = rigs.whole_frame(scene), pose, State.FROZEN
-    if rigs.shows(rig, graph, pose):
-        return False
-    rigs.show(rig, graph, pose)
-    return True
+    if not is_shown:
+        rigs.show(rig, graph, pose)
+    return not is_shown
 
 
 def settle(graph: Any) -> None:

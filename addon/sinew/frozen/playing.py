@@ -94,6 +94,8 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
     for rig in own:
         if rig.at(frame) is None:
             reasons.setdefault(rig.key, f"frame {frame:g} of {rig.name} is not recorded: it is live there")
+        elif rig.followers.is_simulated and not is_new_frame and (rig.pose is None or rig.shown != frame):
+            reasons.setdefault(rig.key, "")  # what is simulated would have to be tagged
     if not reasons:
         for rig in _play_frame(own, graph, frame, is_new_frame):
             reasons[rig.key] = _moved_by_others(rig)

@@ -18,6 +18,8 @@ from . import contract, features, layout, members, proof
 
 _TYPES = {"AVERAGE": 0, "SCRIPTED": 1, "SUM": 2, "MIN": 3, "MAX": 4}  # of drivers
 LONGEST = 256  # bytes of an expression
+# Modifiers that keep what was on the frame before until somebody tags their object.
+_SIMULATED = {"CLOTH", "COLLISION", "PARTICLE_SYSTEM", "SOFT_BODY"}
 _FRAME = re.compile(r"\bframe\b")
 
 
@@ -258,10 +260,16 @@ def release() -> None:
                 ctypes.c_uint64.from_address(place).value = address
 
 
+def simulations(ob: Any) -> list[Any]:
+    """Returns the modifiers of an object that begin anew when somebody tags it."""
+    return [each for each in ob.modifiers if each.type in _SIMULATED]
+
+
 def tag() -> Any:
     """Has Blender build all relations again before its next evaluation. Returns the object that Blender copies again
     because of this, with the collections that it is in."""
     # What drivers of an armature read may be out of sight meanwhile.
-    ob = next((each for each in bpy.data.objects if each.type != "ARMATURE"), bpy.data.objects[0])
+    others = (each for each in bpy.data.objects if each.type != "ARMATURE" and not simulations(each))
+    ob = next(others, bpy.data.objects[0])
     ob.hide_viewport = ob.hide_viewport  # Blender tags them even if nothing changes
     return ob
