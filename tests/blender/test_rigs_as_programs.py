@@ -17,6 +17,7 @@ from mathutils import Vector
 
 import random_modifiers
 import random_rigs
+from characters import make_armature
 from helpers import addon_module, evaluated
 
 ROOT = Path(__file__).parents[2]
@@ -367,6 +368,47 @@ def test_a_target_that_was_deleted(armature):
     assert differences(armature) == []
 
 
+KINDS = ("CHILD_OF", "COPY_LOCATION", "COPY_ROTATION", "COPY_SCALE", "COPY_TRANSFORMS", "DAMPED_TRACK", "LOCKED_TRACK")
+KINDS += ("TRACK_TO", "STRETCH_TO", "TRANSFORM", "IK", "LIMIT_DISTANCE", "PIVOT", "ARMATURE")
+
+
+@pytest.mark.parametrize("is_own", (False, True))
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bone_that_is_not_there(armature, kind, is_own):
+    """Of its own armature, Blender finds the constraint invalid; of another one, it does not know what to evaluate
+    first."""
+    constraint = armature.pose.bones["b"].constraints.new(kind)
+    target = constraint.targets.new() if kind == "ARMATURE" else constraint
+    target.target, target.subtarget = armature if is_own else make_armature(), "gone"
+    bpy.context.scene.frame_set(2)
+    if is_own or kind == "ARMATURE":
+        assert differences(armature) == []
+    else:
+        assert "has no bone gone: choose another one" in refusal(armature)
+
+
+@pytest.mark.parametrize("is_own", (False, True))
+def test_drivers_of_bones_that_are_not_there_are_refused(armature, is_own):
+    driver = armature.pose.bones["b"].driver_add("location", 0).driver
+    driver.type = "SUM"
+    variable = driver.variables.new()
+    variable.type = "LOC_DIFF"
+    for target in variable.targets:
+        target.id, target.bone_target = armature if is_own else make_armature(), "gone"
+    bpy.context.scene.frame_set(2)
+    assert "has no bone gone: choose another one" in refusal(armature)
+
+
+def test_the_place_of_the_armature_in_local_space_is_refused(armature):
+    driver = armature.pose.bones["b"].driver_add("location", 0).driver
+    driver.type = "SUM"
+    variable = driver.variables.new()
+    variable.type, variable.targets[0].id = "TRANSFORMS", armature
+    assert differences(armature) == []
+    variable.targets[0].transform_space = "LOCAL_SPACE"
+    assert "it reads Rig itself in local space, which is not covered" in refusal(armature)
+
+
 def test_what_is_not_covered_is_refused_by_name(armature):
     armature.pose.bones["b"].constraints.new("SHRINKWRAP").name = "Onto"
     assert 'the constraint "Onto" of the bone "b": the type SHRINKWRAP is not covered' in refusal(armature)
@@ -416,6 +458,9 @@ def test_what_is_outside_is_read_in_world_space_alone(armature):
     constraint.target, constraint.subtarget = other, "o"
     assert "bones of another armature are not covered here" in refusal(armature)
     bone.constraints.remove(bone.constraints[0])
+    bone.constraints.new("IK").target = other
+    assert "IK without a target is not covered" in refusal(armature)
+    bone.constraints.remove(bone.constraints[0])
     variable = bone.driver_add("location", 0).driver.variables.new()
     variable.type = "TRANSFORMS"
     target = variable.targets[0]
@@ -425,6 +470,11 @@ def test_what_is_outside_is_read_in_world_space_alone(armature):
     for target in variable.targets:
         target.id, target.bone_target = other, "o"
     assert "it reads how a bone of Other is turned, which is not covered" in refusal(armature)
+    other.rotation_euler, other.location = (0.3, 0.2, 0.5), (-2, 0.5, 1)
+    other.pose.bones["o"].location, armature.location = (0.1, 0.7, 0.3), (1, 2, 3)
+    variable.type, variable.targets[0].id, variable.targets[0].bone_target = "LOC_DIFF", armature, "a"
+    bpy.context.view_layer.update()
+    assert differences(armature) == []
 
 
 @pytest.mark.parametrize("mode", ["XYZ", "ZYX", "QUATERNION"])

@@ -32,6 +32,7 @@ def drive(armature, path, leader, **target):
     variable.targets[0].id = leader
     for name, value in target.items():
         setattr(variable.targets[0], name, value)
+    return variable
 
 
 def follow(armature, leader):
@@ -44,6 +45,8 @@ def follow(armature, leader):
     drive(armature, ("location", 1), leader, data_path='["sum"]')
     drive(armature, ("location", 2), leader, bone_target="bone3", transform_type="LOC_X")
     drive(armature, ("scale", 0), leader, bone_target="bone3", transform_type="ROT_Y")
+    far = drive(armature, ("scale", 1), leader, bone_target="bone2")
+    far.type, far.targets[1].id, far.targets[1].bone_target = "LOC_DIFF", armature, "bone1"
 
 
 def make_leader():
@@ -206,6 +209,22 @@ def test_edits_of_what_it_follows(led, edit, is_updated):
 @pytest.mark.parametrize("edit", EDITS)
 def test_edits_of_one_that_follows(led, edit):
     edit_and_play(led, [armature for armature, *_ in both(led)], edit)
+
+
+def test_a_bone_that_it_follows_is_removed(led):
+    """Blender does not know any more what to evaluate first."""
+    accelerate(led)
+    led.play([3, 4])
+    for (leader,) in led.leaders:
+        select(leader)
+        bpy.ops.object.mode_set(mode="EDIT")
+        leader.data.edit_bones.remove(leader.data.edit_bones["bone4"])
+        bpy.ops.object.mode_set(mode="OBJECT")
+    select()
+    led.play([5, 4, 9])
+    wait(led)
+    assert not led.rig.is_frozen and "has no bone bone4: choose another one" in led.rig.reason
+    led.play()
 
 
 def test_posing_one_and_the_other_is_not_thawed(led):

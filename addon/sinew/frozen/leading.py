@@ -18,7 +18,8 @@ class Leader(NamedTuple):
 
     rig: rigs.Rig
     world: np.ndarray  # (4, 4) float32, where it stands
-    bones: dict[str, int]  # numbers of bones in the order of the pose, whose world matrices are given
+    # Of bones whose world matrices are given: the number in the order of the pose, and whether only the head counts.
+    bones: dict[str, tuple[int, bool]]
     numbers: dict[str, str]  # paths of numbers
 
 
@@ -49,12 +50,12 @@ def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Out
     is_led = {block: _is_led(block, ob) for block, _what in (*placed, *read_numbers)}
     for name, (block, bone) in read.outside.items():
         if bone and is_led[block]:
-            leader(block).bones[name] = block.pose.bones.find(bone)
+            leader(block).bones[name] = block.pose.bones.find(bone), name in read.heads
     for name, (block, path) in numbers.read.items():
         path = paths.normalised(path)
         if is_led.get(block) and path.startswith(animated[block]):
             leader(block).numbers[name] = path
-    if any(-1 in each.bones.values() for each in found.values()):
+    if any(number < 0 for each in found.values() for number, _is_head in each.bones.values()):
         raise curves.Refused(f"{ob.name} follows a bone that is not there")
     return tuple(found.values())
 
@@ -128,7 +129,7 @@ def _given(leader: Leader, frames: Sequence[float]) -> Iterator[tuple[str, np.nd
         given = inputs(leader.rig, frames)
     is_known = None not in moments
     found = [poses.matrices_in(each.pose) for each in moments] if is_known else program.evaluate(times, given)
-    own = np.stack([each[list(leader.bones.values())] for each in found], axis=1)  # (bones, F, 4, 4)
-    yield from zip(leader.bones, targets.multiplied(leader.world, own))
+    for name, (number, is_head) in leader.bones.items():
+        yield name, targets.multiplied(leader.world, np.stack([each[number] for each in found]), is_head)
     if leader.numbers:
         yield from zip(leader.numbers, program.values(times, list(leader.numbers.values()), given).T)

@@ -76,7 +76,10 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
         if settings["use_bone_envelopes"]:
             raise curves.Refused("bone envelopes are not covered: turn them off")
         read = [_of_target(target) for target in constraint.targets]
-        row["targets"] = [found.of(target, bone_name) for target, bone_name, _weight in read]
+        row["targets"] = [
+            found.of(target, name) if target and (not name or name in target.pose.bones) else None
+            for target, name, _weight in read
+        ]
         if any(target and "outside" in target for target in row["targets"]):
             raise curves.Refused("bones of another armature are not covered here")
         row["weights"] = [weight for _target, _bone_name, weight in read]
@@ -93,7 +96,7 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
                 raise curves.Refused("a space of another armature's bone is not covered: choose World Space")
         row["targets"] = [target]
     if kind == "IK":
-        if constraint.target is None:
+        if constraint.target is None or constraint.target.type == "ARMATURE" and not constraint.subtarget:
             raise curves.Refused("IK without a target is not covered")
         row["targets"].append(found.of(constraint.pole_target, constraint.pole_subtarget))
     if CUSTOM in (settings["owner_space"], settings["target_space"]):

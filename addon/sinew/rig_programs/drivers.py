@@ -168,9 +168,13 @@ def variable_of(
 def target_of(kind: str, target: driver_variables.Target, found: targets.Targets, outside: Outside) -> dict[str, Any]:
     block: Any
     block, _path, bone, channel, space, mode = target
-    row: dict[str, Any] = {"target": found.of(block, bone), "transform_type": channel}
+    if block == found.ob and bone and bone not in found.bones:
+        raise curves.Refused(f"{block.name} has no bone {bone}: choose another one")
+    row: dict[str, Any] = {"target": found.of(block, bone, kind == "LOC_DIFF"), "transform_type": channel}
     row |= {"transform_space": space, "rotation_mode": mode}
     if not row["target"] or "outside" not in row["target"]:
+        if row["target"] == {"armature": True} and kind != "ROTATION_DIFF" and space == "LOCAL_SPACE":
+            raise curves.Refused(f"it reads {block.name} itself in local space, which is not covered")
         return row
     # Only world matrices come from outside.
     if kind == "ROTATION_DIFF" and bone:

@@ -164,7 +164,7 @@ def _hook_row(hook: Any, count: int, found: targets.Targets) -> dict[str, Any]:
     is_bezier = hook.id_data.data.splines[0].type == "BEZIER"
     handles = [i if is_bezier else 3 * i + 1 for i in hook.vertex_indices]
     return {
-        "target": found.of(hook.object, hook.subtarget) or found.of(hook.object, ""),
+        "target": found.of(hook.object, hook.subtarget),
         "matrix_inverse": [[*row] for row in hook.matrix_inverse],
         "strength": hook.strength,
         "handles": [i for i in handles if i < count],

@@ -18,22 +18,27 @@ class Targets:
         self.ob = ob
         self.bones = set(ob.pose.bones.keys())
         self.outside: dict[str, tuple[bpy.types.Object, str]] = {}  # object and bone by name
+        self.heads: set[str] = set()  # those of bones of which a driver reads where the head is
         self.moving: dict[str, bpy.types.Object] = {}  # those whose matrices the program computes, and their parents
         self.splines: dict[str, bpy.types.Object] = {}  # curves that Spline IK follows
         self.refused: list[str] = []
         self._actions: dict[tuple[str, int], dict[str, list[Channel]]] = {}
 
-    def of(self, target: bpy.types.Object | None, bone: str) -> Target:
-        """Returns what a description says of a target. Raises Refused for what has no matrix."""
+    def of(self, target: bpy.types.Object | None, bone: str, is_head: bool = False) -> Target:
+        """Returns what a description says of a target. Raises Refused for what has no matrix. is_head: all that counts
+        is where the bone's head is."""
         if target is None:
             return None
         if target == self.ob:
             return {"armature": True} if not bone else {"bone": bone} if bone in self.bones else None
         if bone and target.type != "ARMATURE":
             raise curves.Refused(f"it looks at the vertices {bone} of {target.name}, which is not covered")
-        if bone and bone not in target.pose.bones:
-            return None
+        if bone and bone not in target.pose.bones:  # so that Blender does not know what to evaluate first
+            raise curves.Refused(f"{target.name} has no bone {bone}: choose another one")
         name = f"{target.name_full}/{bone}" if bone else target.name_full
+        if bone and is_head:
+            name += "/head"
+            self.heads.add(name)
         self.outside.setdefault(name, (target, bone))
         return {"outside": name}
 
@@ -64,16 +69,19 @@ class Targets:
     def matrices(self, depsgraph: bpy.types.Depsgraph | None = None) -> dict[str, np.ndarray]:
         """Returns the present world matrices from outside that are not computed, each 4 x 4."""
         given = {name: each for name, each in self.outside.items() if name not in self.moving}
-        return {name: matrix_of(target, bone, depsgraph) for name, (target, bone) in given.items()}
+        return {name: matrix_of(target, bone, depsgraph, name in self.heads) for name, (target, bone) in given.items()}
 
 
-def matrix_of(target: bpy.types.Object, bone: str, depsgraph: bpy.types.Depsgraph | None) -> np.ndarray:
+def matrix_of(
+    target: bpy.types.Object, bone: str, depsgraph: bpy.types.Depsgraph | None, is_head: bool = False
+) -> np.ndarray:
     evaluated = target if depsgraph is None else target.evaluated_get(depsgraph)
     world = np.array(evaluated.matrix_world, np.float32)
-    return multiplied(world, np.array(evaluated.pose.bones[bone].matrix, np.float32)) if bone else world
+    return multiplied(world, np.array(evaluated.pose.bones[bone].matrix, np.float32), is_head) if bone else world
 
 
-def multiplied(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Returns the product of a matrix and others, (..., 4, 4), with the sums in Blender's order."""
+def multiplied(a: np.ndarray, b: np.ndarray, is_head: bool = False) -> np.ndarray:
+    """Returns the product of a matrix and others, (..., 4, 4), with the sums in Blender's order: that of products, or
+    that in which it moves a point."""
     terms = [a[:, k, None] * b[..., k, None, :] for k in range(4)]
-    return (terms[0] + terms[1]) + (terms[2] + terms[3])
+    return ((terms[0] + terms[1]) + terms[2]) + terms[3] if is_head else (terms[0] + terms[1]) + (terms[2] + terms[3])

@@ -17,6 +17,7 @@ paths: collections.Counter = collections.Counter()  # by which bound meshes were
 FEW, LOOSE_TOLERANCE = 1 / 500, 5e-3
 # Says something of the program, not of the modifier; and the property that the hook drives: it counts for curves alone.
 NOT_SAID = {
+    "settings",  # of collisions
     "use_apply_on_spline",
     "rna_type",
     "execution_time",
