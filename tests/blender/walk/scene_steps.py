@@ -79,6 +79,16 @@ def rename_bone(random):
                 ob.data.update()
 
 
+def is_followed(armature, bone):
+    """By bones of other armatures. If it were removed, Blender would evaluate these before or after that armature."""
+    bones = [each for other in scene.armatures() for each in other.pose.bones]
+    return any(
+        (getattr(each, "target", None), getattr(each, "subtarget", "")) == (armature, bone)
+        for owner in bones
+        for each in owner.constraints
+    )
+
+
 @kind(2)
 def edit_bones(random):
     armature = one_armature(random)
@@ -91,7 +101,7 @@ def edit_bones(random):
     if bone is None or what == 0 and len(bones) < 9:
         new = bones.new(random.choice(("bone2", "elbow", "new")))
         new.head, new.tail, new.parent = scene.some(random, 1), (0, 0, 3), bone
-    elif what == 1 and len(bones) > 3:
+    elif what == 1 and len(bones) > 3 and not is_followed(armature, bone.name):
         bones.remove(bone)
     elif what == 2:
         bone.parent = None
