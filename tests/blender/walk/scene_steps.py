@@ -321,17 +321,17 @@ def evaluate_another_scene(random):
         bpy.context.window.scene = current
     others = [each for each in bpy.data.scenes if each != current]
     other, (ob, twin), seed = random.choice(others), random.choice(pairs), random.random()
-    # The same frame: what keyframes set goes from any scene to the originals that both share, and Blender takes it from
+    # The same moment: what keyframes set goes from any scene to the originals that both share, and Blender takes it from
     # there, also into the graph that it makes for applying a modifier that is off in the evaluated object.
-    frames = [current.frame_current] * 10
-    other.frame_set(current.frame_current)  # Blender crashes if something is tagged while another thread builds a graph
+    now = {"frame": current.frame_current, "subframe": current.frame_subframe}
+    other.frame_set(**now)  # Blender crashes if something is tagged while another thread builds a graph
     for each, _twin in scene.pairs():  # a deformed copy has the shape of the scene that was evaluated last
         if each.sinew.deformed is not None:
             each.update_tag(refresh={"DATA"})
-    thread = threading.Thread(target=lambda: [other.frame_set(frame) for frame in frames])
+    thread = threading.Thread(target=lambda: [other.frame_set(**now) for _ in range(10)])
     thread.start()
     try:
-        for number in range(len(frames)):
+        for number in range(10):
             for each in (ob, twin) if ob.data.vertices else ():
                 move(Random(f"{seed} {number}"), each.data.vertices)
                 each.data.update()
