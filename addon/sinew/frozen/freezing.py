@@ -216,9 +216,10 @@ def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
     """Writes the pose of an armature that was just frozen. Returns whether its bones had another pose, so that what
     follows them has to be evaluated again."""
     graph, pose = layer.depsgraph, rigs.now(rig, scene)
-    is_shown = pose is not None and rigs.shows(rig, graph, pose)
-    # A handler has changed the frame, or relations; or what is simulated would have to be tagged.
-    if pose is None or not rigs.is_without_keys(rig, graph) or not is_shown and rig.followers.is_simulated:
+    # Otherwise a handler has changed the frame, or relations.
+    can_play = pose is not None and rigs.is_without_keys(rig, graph)
+    is_shown = can_play and rigs.shows(rig, graph, pose)
+    if not can_play or not is_shown and rig.followers.is_simulated:  # what is simulated would have to be tagged
         watch.expect_thaw(graph, rig)
         relations.tag()
         return False
