@@ -100,6 +100,27 @@ py::array py_motions(const RigProgram& program, const py::array& frames, const p
   return matrices_of(program, frames, set, program.joint_begin().back(), &RigOutputs::motions);
 }
 
+BoneSpace bone_space_of(const char* what, const std::string& name) {
+  constexpr std::array<const char*, 4> kNames = {"WORLD", "POSE", "LOCAL", "LOCAL_WITH_PARENT"};
+  const auto* const found = std::find(kNames.begin(), kNames.end(), name);
+  if (found == kNames.end()) {
+    throw InputError(std::string(what) + " is \"" + name + "\"; expected WORLD, POSE, LOCAL or LOCAL_WITH_PARENT");
+  }
+  return static_cast<BoneSpace>(found - kNames.begin());
+}
+
+py::array py_convert(const RigProgram& program, const py::array& poses, int bone, const std::string& from,
+                     const std::string& to) {
+  if (bone < 0 || bone >= program.bone_count()) {
+    throw InputError("bone is " + std::to_string(bone) + ", and the rig has " + std::to_string(program.bone_count()));
+  }
+  require_shape("poses", poses, "(F, " + std::to_string(program.bone_count()) + ", 4, 4)");
+  py::array_t<float> out({poses.shape(0), py::ssize_t{1}, py::ssize_t{4}, py::ssize_t{4}});
+  program.convert(matrix_stack<const float>("poses", poses), bone, bone_space_of("from_space", from),
+                  bone_space_of("to_space", to), matrix_stack<float>("out", out));
+  return out.reshape({poses.shape(0), py::ssize_t{4}, py::ssize_t{4}});
+}
+
 py::array_t<float> rest_of(const RigProgram& program) {
   py::array_t<float> rest({static_cast<py::ssize_t>(program.bone_count()), py::ssize_t{4}, py::ssize_t{4}});
   const MatrixStack<float> stack = matrix_stack<float>("rest", rest);
@@ -360,6 +381,13 @@ void bind_rigs(py::module_& module) {
            "float32.\n\n"
            "frames: (F,) times.\n"
            "set: as in evaluate(), and so are the errors.")
+      .def("convert", &py_convert, py::arg("poses"), py::arg("bone"), py::arg("from_space"), py::arg("to_space"),
+           "Returns the matrices of a bone in another space, (F, 4, 4) float32, with the bits of Object.convert_space.\n\n"
+           "poses: (F, B, 4, 4), as evaluate() returns them.\n"
+           "bone: its number.\n"
+           "from_space: where the conversion begins: 'POSE' for what drivers read, 'WORLD' for constraints.\n"
+           "to_space: 'WORLD', 'POSE', 'LOCAL' or 'LOCAL_WITH_PARENT'. Raises ValueError for any other name, and for "
+           "a bone that the rig does not have.")
       .def("skinning_matrices", &py_motions, py::arg("frames"), py::arg("set") = py::dict(),
            "Returns the matrices that move vertices from rest to pose, in armature space, (F, J, 4, 4) float32, for "
            "skins whose joints are numbered as joint_begin says.\n\n"

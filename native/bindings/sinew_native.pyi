@@ -1580,6 +1580,15 @@ class RigProgram:
         from outside by name, (4, 4) or (F, 4, 4); they replace the description's values and curves, and drivers replace
         them. Raises ValueError for an unknown path, for a wrong shape, and if a driver divides by 0.
         """
+    def convert(self, poses: _Float32, bone: int, from_space: str, to_space: str) -> _Float32:
+        """Returns the matrices of a bone in another space, (F, 4, 4) float32, with the bits of Object.convert_space.
+
+        poses: (F, B, 4, 4), as evaluate() returns them.
+        bone: its number.
+        from_space: where the conversion begins: 'POSE' for what drivers read, 'WORLD' for constraints.
+        to_space: 'WORLD', 'POSE', 'LOCAL' or 'LOCAL_WITH_PARENT'. Raises ValueError for any other name, and for a bone
+        that the rig does not have.
+        """
     def skinning_matrices(self, frames: _Reals, set: dict[str, Any] = {}) -> _Float32:
         """Returns the matrices that move vertices from rest to pose, in armature space, (F, J, 4, 4) float32, for skins
         whose joints are numbered as joint_begin says.

@@ -259,8 +259,9 @@ def add_constraint(ob, number, source):
             except TypeError:
                 continue  # the type allows fewer than it lists
         constraint.space_object, constraint.space_subtarget = any_target(ob, number, source)
-        if target[0] != ob and constraint.target_space not in ("WORLD", "CUSTOM"):
-            constraint.target_space = "WORLD"  # others are not covered
+        covered = ("WORLD", "CUSTOM") if not target[1] else (*SPACES, "CUSTOM")
+        if target[0] != ob and constraint.target_space not in covered:
+            constraint.target_space = "WORLD"
     if target[0] != ob and hasattr(constraint, "head_tail"):
         constraint.head_tail = 0
     constraint.influence = source.choice((1, 1, source.random()))
@@ -453,6 +454,8 @@ def add_driver(ob, number, source):
             target.rotation_mode = source.choice(
                 ("AUTO", "XYZ", "ZYX", "QUATERNION", "SWING_TWIST_X", "SWING_TWIST_Y", "SWING_TWIST_Z")
             )
+            if target.id != ob and target.bone_target and target.rotation_mode in ("AUTO", "SWING_TWIST_X"):
+                target.transform_space = "LOCAL_SPACE"
 
 
 def add_keys(ob, number, source):

@@ -231,6 +231,19 @@ def test_a_file_of_the_first_version(fresh_scene, tmp_path, output):
     assert_same_shape(ob, twin)
 
 
+def test_mail_of_a_mesh_that_an_undo_step_has_put_into_edit_mode(character):
+    """A mesh shows no attributes then."""
+    ob, mending = character[0], addon_module("install.mending")
+    select(ob)
+    bpy.ops.object.mode_set(mode="EDIT")
+    addon_module("run.characters").of(ob).look_again()
+    mending.adapt(ob)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    mending.adapt(ob)
+    bpy.context.scene.frame_set(4)
+    assert_same_shape(*character[:2])
+
+
 def test_edit_mode_shows_the_rest_and_edits_are_kept(fresh_scene):
     ob, _ = import_rig("capsule")
     fresh_scene.frame_set(9)

@@ -439,23 +439,77 @@ def test_a_choice_of_a_newer_blender_is_refused(armature, monkeypatch, table, na
     assert f'the {name} of the bone "b" is of a newer Blender, and not covered' == refusal(armature)
 
 
-def test_what_is_outside_is_read_in_world_space_alone(armature):
-    data = bpy.data.armatures.new("Other")
-    other = bpy.data.objects.new("Other", data)
-    bpy.context.collection.objects.link(other)
-    bpy.context.view_layer.objects.active = other
-    bpy.ops.object.mode_set(mode="EDIT")
-    data.edit_bones.new("o").tail = (0, 1, 0)
-    bpy.ops.object.mode_set(mode="OBJECT")
+@pytest.fixture
+def other(fresh_scene):
+    """Another armature, which is posed by hand, not where the first one is. Its bones inherit in different ways."""
+    other = make_armature()
+    other.name, other.location, other.rotation_euler, other.scale = "Other", (1, -2, 0.5), (0.3, 0.2, 1), (1, 1.2, 0.9)
+    for number, (bone, inherits) in enumerate(zip(other.pose.bones, (*INHERITED, "FULL"), strict=True)):
+        bone.rotation_mode = ("XYZ", "QUATERNION", "ZYX")[number % 3]
+        bone.rotation_euler, bone.rotation_quaternion = (0.3, 0.5, -0.2 * number), (1, 0.2, -0.3, 0.1 * number)
+        bone.location, bone.scale = (0.1, 0.2 * number, -0.1), (1.1, 0.9, 1.2)
+        bone.bone.inherit_scale, bone.bone.use_local_location = inherits, number != 3
+    return other
+
+
+INHERITED = ("FULL", "FIX_SHEAR", "ALIGNED", "AVERAGE", "NONE")
+SPACES = ("WORLD", "POSE", "LOCAL_WITH_PARENT", "LOCAL", "CUSTOM")
+SEEN = ("COPY_LOCATION", "COPY_ROTATION", "COPY_SCALE", "COPY_TRANSFORMS", "TRANSFORM", "ACTION", "LIMIT_DISTANCE")
+
+
+@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize("kind", SEEN)
+def test_bones_of_other_armatures_in_all_spaces(armature, other, kind, space):
+    """Of each of them, in a mode of rotation of its own."""
+    armature.location, armature.rotation_euler = (1, 2, 3), (0.3, -0.2, 0.1)
+    for bone in other.pose.bones:
+        constraint = armature.pose.bones["b"].constraints.new(kind)
+        constraint.target, constraint.subtarget, constraint.influence = other, bone.name, 0.4
+        constraint.target_space = space
+        if space == "CUSTOM":
+            constraint.space_object, constraint.space_subtarget = armature, "a"
+        if kind == "TRANSFORM":
+            constraint.map_from, constraint.map_to = "ROTATION", "LOCATION"
+            constraint.from_max_x_rot, constraint.to_max_x, constraint.to_max_y = 1, 2, 3
+            constraint.from_max_y_rot = constraint.from_max_z_rot = 1.2
+        if kind == "ACTION":
+            constraint.action, constraint.transform_channel = armature.animation_data.action, "ROTATION_Y"
+            constraint.min, constraint.max, constraint.frame_end = -1, 1, 40
+    bpy.context.view_layer.update()
+    assert differences(armature) == []
+
+
+@pytest.mark.parametrize("space", ("WORLD_SPACE", "LOCAL_SPACE"))
+@pytest.mark.parametrize("channel", ("LOC_X", "LOC_Z", "ROT_X", "ROT_Y", "ROT_W", "SCALE_Y", "SCALE_AVG", "far"))
+def test_drivers_of_bones_of_other_armatures(armature, other, channel, space):
+    armature.location, armature.rotation_euler = (1, 2, 3), (0.3, -0.2, 0.1)
+    driver = armature.pose.bones["b"].driver_add("location", 0).driver
+    driver.type = "SUM"
+    for number, bone in enumerate(other.pose.bones):
+        variable = driver.variables.new()
+        variable.type = "LOC_DIFF" if channel == "far" else "TRANSFORMS"
+        target = variable.targets[0]
+        target.id, target.bone_target, target.transform_space = other, bone.name, space
+        if channel == "far":
+            variable.targets[1].id, variable.targets[1].bone_target = armature, "a"
+        else:
+            target.transform_type = channel
+            target.rotation_mode = ("AUTO", "AUTO", "QUATERNION", "XYZ", "SWING_TWIST_Y", "AUTO")[number]
+    bpy.context.view_layer.update()
+    assert differences(armature) == []
+
+
+def test_what_is_not_covered_of_other_armatures(armature, other):
     bone = armature.pose.bones["b"]
     constraint = bone.constraints.new("COPY_LOCATION")
-    constraint.target, constraint.subtarget = other, "o"
-    assert differences(armature) == []
-    constraint.target_space = "POSE"
-    assert "a space of another armature's bone is not covered: choose World Space" in refusal(armature)
+    constraint.target, constraint.subtarget = other, "bone1"
+    constraint.target_space = "LOCAL_OWNER_ORIENT"
+    assert "the owner's orientation is not covered for another armature's bone: choose another space" in refusal(
+        armature
+    )
     bone.constraints.remove(constraint)
     constraint = bone.constraints.new("ARMATURE").targets.new()
-    constraint.target, constraint.subtarget = other, "o"
+    constraint.target, constraint.subtarget = other, "bone1"
     assert "bones of another armature are not covered here" in refusal(armature)
     bone.constraints.remove(bone.constraints[0])
     bone.constraints.new("IK").target = other
@@ -464,17 +518,14 @@ def test_what_is_outside_is_read_in_world_space_alone(armature):
     variable = bone.driver_add("location", 0).driver.variables.new()
     variable.type = "TRANSFORMS"
     target = variable.targets[0]
-    target.id, target.bone_target, target.transform_space = other, "o", "LOCAL_SPACE"
+    target.id, target.bone_target, target.transform_space = other, "bone1", "TRANSFORM_SPACE"
+    assert "it reads Other in transform space, which is not covered" in refusal(armature)
+    target.bone_target, target.transform_space = "", "LOCAL_SPACE"
     assert "it reads Other in another space than the world's, which is not covered" in refusal(armature)
     variable.type = "ROTATION_DIFF"
     for target in variable.targets:
-        target.id, target.bone_target = other, "o"
+        target.id, target.bone_target = other, "bone1"
     assert "it reads how a bone of Other is turned, which is not covered" in refusal(armature)
-    other.rotation_euler, other.location = (0.3, 0.2, 0.5), (-2, 0.5, 1)
-    other.pose.bones["o"].location, armature.location = (0.1, 0.7, 0.3), (1, 2, 3)
-    variable.type, variable.targets[0].id, variable.targets[0].bone_target = "LOC_DIFF", armature, "a"
-    bpy.context.view_layer.update()
-    assert differences(armature) == []
 
 
 @pytest.mark.parametrize("mode", ["XYZ", "ZYX", "QUATERNION"])

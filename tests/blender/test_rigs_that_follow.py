@@ -45,6 +45,10 @@ def follow(armature, leader):
     drive(armature, ("location", 1), leader, data_path='["sum"]')
     drive(armature, ("location", 2), leader, bone_target="bone3", transform_type="LOC_X")
     drive(armature, ("scale", 0), leader, bone_target="bone3", transform_type="ROT_Y")
+    add(armature, "COPY_ROTATION", leader, "bone1", "bone2", target_space="LOCAL", owner_space="LOCAL", mix_mode="ADD")
+    add(armature, "COPY_LOCATION", leader, "bone3", "side", target_space="POSE", influence=0.3)
+    add(armature, "COPY_SCALE", leader, "side", "bone3", target_space="LOCAL_WITH_PARENT", influence=0.5)
+    drive(armature, ("scale", 2), leader, bone_target="side", transform_type="ROT_Z", transform_space="LOCAL_SPACE")
     far = drive(armature, ("scale", 1), leader, bone_target="bone2")
     far.type, far.targets[1].id, far.targets[1].bone_target = "LOC_DIFF", armature, "bone1"
 

@@ -75,6 +75,27 @@ TEST(RigProgram, InheritsScaleInEveryMode) {
   }
 }
 
+TEST(RigProgram, ConvertsMatricesOfBones) {
+  RigDescription rig = two_bones();
+  rig.world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 0, 0, 1};
+  rig.bones[0].values[kEuler + 2] = kQuarterTurn;
+  rig.bones[1].values[kLocation + 1] = 2;
+  const RigProgram program(rig);
+  const std::vector<Mat4> poses = poses_of(rig);
+  const MatrixStack<const float> given{&poses[0].columns[0][0], 1, 2, 32, 16, 1, 4};
+  const auto location = [&](BoneSpace from, BoneSpace to) {
+    Mat4 found;
+    program.convert(given, 1, from, to, {&found.columns[0][0], 1, 1, 16, 16, 1, 4});
+    return found.location();
+  };
+  expect_near(location(BoneSpace::pose, BoneSpace::pose), {-3, 0, 0});
+  expect_near(location(BoneSpace::pose, BoneSpace::world), {2, 0, 0});
+  expect_near(location(BoneSpace::world, BoneSpace::pose), {-3, 0, 0});
+  expect_near(location(BoneSpace::pose, BoneSpace::local), {0, 2, 0});
+  expect_near(location(BoneSpace::world, BoneSpace::local), {0, 2, 0});
+  expect_near(location(BoneSpace::pose, BoneSpace::local_with_parent), {-3, -1, 0});
+}
+
 TEST(RigProgram, TakesNoLocationFromConnectedBones) {
   RigDescription rig = two_bones();
   rig.bones[1].values[kLocation] = 5;

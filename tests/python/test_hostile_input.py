@@ -14,6 +14,8 @@ from test_rigs_from_blender import RIGS
 from test_stub import CLASSES, FUNCTIONS, kind_of_stub
 
 EYE = np.eye(4)
+BONE = {"name": "Arm", "matrix_local": EYE, "matrix": EYE[:3, :3], "head": [0, 0, 0], "head_local": [0, 0, 0]}
+BONE |= {"tail_local": [0, 1, 0], "length": 1}
 FACES = {"face_offsets": np.array([0, 3, 6]), "face_vertices": np.array([0, 1, 2, 2, 1, 3])}
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.5]])
 WEIGHTS = np.array([[1, 0], [0.5, 0.5], [0.25, 0.75], [0, 1.0]])
@@ -238,6 +240,15 @@ def valid():
             for name in ("evaluate", "segments", "skinning_matrices", "profile")
         },
         "RigProgram.values": (program.values, {"frames": FRAMES, "paths": []}),
+        "RigProgram.convert": (
+            sinew.RigProgram({"blender": 502, "bones": [BONE]}).convert,
+            {
+                "poses": EYE[None, None].repeat(2, 0).astype(np.float32),
+                "bone": 0,
+                "from_space": "POSE",
+                "to_space": "LOCAL",
+            },
+        ),
     }
 
 

@@ -78,6 +78,21 @@ def test_frames(rig):
     assert poses[:, 1, :3, 3].tolist() == [[0, 0, 3], [10, 0, 3], [15, 0, 3]]
 
 
+def test_matrices_in_other_spaces(rig):
+    rig["world"] = np.eye(4) + np.eye(4, k=3) * 5  # moved by 5 along X
+    program = sinew.RigProgram(rig)
+    poses = program.evaluate(np.array([0, 5]))
+    assert program.convert(poses, 0, "POSE", "POSE").tolist() == poses[:, 0].tolist()
+    assert program.convert(poses, 0, "POSE", "WORLD")[:, :3, 3].tolist() == [[5, 0, 1], [15, 0, 1]]
+    assert program.convert(poses, 0, "WORLD", "POSE").tolist() == poses[:, 0].tolist()
+    with pytest.raises(ValueError, match='to_space is "CUSTOM"; expected WORLD, POSE, LOCAL or LOCAL_WITH_PARENT'):
+        program.convert(poses, 0, "POSE", "CUSTOM")
+    with pytest.raises(ValueError, match="bone is 2, and the rig has 2"):
+        program.convert(poses, 2, "POSE", "WORLD")
+    with pytest.raises(ValueError, match=r"poses .*\(F, 2, 4, 4\)"):
+        program.convert(poses[:, :1], 0, "POSE", "WORLD")
+
+
 def as_json(rig):
     return json.dumps(rig, default=np.ndarray.tolist)
 

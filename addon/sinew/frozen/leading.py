@@ -18,8 +18,8 @@ class Leader(NamedTuple):
 
     rig: rigs.Rig
     world: np.ndarray  # (4, 4) float32, where it stands
-    # Of bones whose world matrices are given: the number in the order of the pose, and whether only the head counts.
-    bones: dict[str, tuple[int, bool]]
+    # Of bones whose matrices are given: the number in the order of the pose, and what else than a world matrix is read.
+    bones: dict[str, tuple[int, targets.ReadAs | None]]
     numbers: dict[str, str]  # paths of numbers
 
 
@@ -50,12 +50,12 @@ def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Out
     is_led = {block: _is_led(block, ob) for block, _what in (*placed, *read_numbers)}
     for name, (block, bone) in read.outside.items():
         if bone and is_led[block]:
-            leader(block).bones[name] = block.pose.bones.find(bone), name in read.heads
+            leader(block).bones[name] = block.pose.bones.find(bone), read.read_as.get(name)
     for name, (block, path) in numbers.read.items():
         path = paths.normalised(path)
         if is_led.get(block) and path.startswith(animated[block]):
             leader(block).numbers[name] = path
-    if any(number < 0 for each in found.values() for number, _is_head in each.bones.values()):
+    if any(number < 0 for each in found.values() for number, _read_as in each.bones.values()):
         raise curves.Refused(f"{ob.name} follows a bone that is not there")
     return tuple(found.values())
 
@@ -129,7 +129,13 @@ def _given(leader: Leader, frames: Sequence[float]) -> Iterator[tuple[str, np.nd
         given = inputs(leader.rig, frames)
     is_known = None not in moments
     found = [poses.matrices_in(each.pose) for each in moments] if is_known else program.evaluate(times, given)
-    for name, (number, is_head) in leader.bones.items():
-        yield name, targets.multiplied(leader.world, np.stack([each[number] for each in found]), is_head)
+    for name, (number, read_as) in leader.bones.items():
+        if read_as is None or read_as == targets.HEAD:
+            own = np.stack([each[number] for each in found])
+            yield name, targets.multiplied(leader.world, own, read_as == targets.HEAD)
+        elif program is None:
+            raise Unknown(f"{leader.rig.name}, which it follows, is not computed")
+        else:
+            yield name, program.convert(np.array(found), number, *read_as)
     if leader.numbers:
         yield from zip(leader.numbers, program.values(times, list(leader.numbers.values()), given).T)

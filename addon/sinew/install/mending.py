@@ -89,7 +89,7 @@ def _apply(mend, plan, ob):
         _put_own_first(plan, ob)
     elif mend.what == mends.RENEW_GROUP:
         nodes.renew_group(ob.modifiers[plan.own])
-    elif mend.what == mends.ADD_ATTRIBUTE:
+    elif mend.what == mends.ADD_ATTRIBUTE and not ob.data.is_editmode:  # a mesh shows none then: after it
         meshes.write_attribute(ob.data, nodes.POSITION_ATTRIBUTE, meshes.read_positions(ob.data))
 
 

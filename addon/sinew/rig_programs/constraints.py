@@ -11,6 +11,7 @@ import bpy
 from . import curves, splines, tables, targets
 
 WORLD, CUSTOM = 0, 5  # spaces, as Blender numbers them
+_SPACES = {1: "LOCAL", 2: "POSE", 3: "LOCAL_WITH_PARENT"}  # into which Object.convert_space converts
 _of_target = attrgetter("target", "subtarget", "weight")
 
 
@@ -88,12 +89,17 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
         found.splines.setdefault(curve.name_full, curve)
         row |= {"spline": curve.name_full, "joints": [*constraint.joint_bindings]}
     elif hasattr(constraint, "target"):
-        target = found.of(constraint.target, bone_name := getattr(constraint, "subtarget", ""))
+        bone_name, space = getattr(constraint, "subtarget", ""), _SPACES.get(settings["target_space"])
+        target = found.of(constraint.target, bone_name, ("WORLD", space) if bone_name and space else None)
         if target and "outside" in target:
             if settings.get("head_tail", 0) > 0:
                 raise curves.Refused("a place along a bone of another armature is not covered: set Head/Tail to 0")
-            if bone_name and settings["target_space"] not in (WORLD, CUSTOM):
-                raise curves.Refused("a space of another armature's bone is not covered: choose World Space")
+            if bone_name and space:
+                settings["target_space"] = WORLD  # the matrix that is given is in that space
+            elif bone_name and settings["target_space"] not in (WORLD, CUSTOM):
+                raise curves.Refused(
+                    "the owner's orientation is not covered for another armature's bone: choose another space"
+                )
         row["targets"] = [target]
     if kind == "IK":
         if constraint.target is None or constraint.target.type == "ARMATURE" and not constraint.subtarget:

@@ -170,17 +170,21 @@ def target_of(kind: str, target: driver_variables.Target, found: targets.Targets
     block, _path, bone, channel, space, mode = target
     if block == found.ob and bone and bone not in found.bones:
         raise curves.Refused(f"{block.name} has no bone {bone}: choose another one")
-    row: dict[str, Any] = {"target": found.of(block, bone, kind == "LOC_DIFF"), "transform_type": channel}
+    read_as = targets.HEAD if kind == "LOC_DIFF" and space == "WORLD_SPACE" else None
+    if kind != "ROTATION_DIFF" and space == "LOCAL_SPACE" and bone:
+        read_as = "POSE", "LOCAL"
+    row: dict[str, Any] = {"target": found.of(block, bone, read_as), "transform_type": channel}
     row |= {"transform_space": space, "rotation_mode": mode}
     if not row["target"] or "outside" not in row["target"]:
         if row["target"] == {"armature": True} and kind != "ROTATION_DIFF" and space == "LOCAL_SPACE":
             raise curves.Refused(f"it reads {block.name} itself in local space, which is not covered")
         return row
-    # Only world matrices come from outside.
+    # What comes from outside is a matrix.
     if kind == "ROTATION_DIFF" and bone:
         raise curves.Refused(f"it reads how a bone of {block.name} is turned, which is not covered")
-    if kind != "ROTATION_DIFF" and space != "WORLD_SPACE":
-        raise curves.Refused(f"it reads {block.name} in another space than the world's, which is not covered")
+    if kind != "ROTATION_DIFF" and space != "WORLD_SPACE" and not (bone and space == "LOCAL_SPACE"):
+        which = "transform space" if bone else "another space than the world's"
+        raise curves.Refused(f"it reads {block.name} in {which}, which is not covered")
     holder = block.pose.bones[bone] if bone else block
     if kind == "TRANSFORMS" and mode == "AUTO" and holder.rotation_mode not in ("QUATERNION", "AXIS_ANGLE"):
         start = f"{holder.path_from_id()}." if bone else ""

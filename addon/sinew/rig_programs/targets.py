@@ -4,10 +4,15 @@ from typing import Any
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from . import curves, paths
 
 Target = dict[str, Any] | None
+# How the matrix of a bone of another armature is read: from which space it is converted into which one, as
+# Object.convert_space names them; HEAD: only the head counts, which is moved to the world as a point.
+ReadAs = tuple[str, str]
+HEAD: ReadAs = ("WORLD", "HEAD")
 Channel = tuple[str, int, bpy.types.FCurve, dict[str, Any]]  # a bone's property, its index, the curve and its row
 
 
@@ -18,15 +23,14 @@ class Targets:
         self.ob = ob
         self.bones = set(ob.pose.bones.keys())
         self.outside: dict[str, tuple[bpy.types.Object, str]] = {}  # object and bone by name
-        self.heads: set[str] = set()  # those of bones of which a driver reads where the head is
+        self.read_as: dict[str, ReadAs] = {}  # those of bones that are not read as world matrices
         self.moving: dict[str, bpy.types.Object] = {}  # those whose matrices the program computes, and their parents
         self.splines: dict[str, bpy.types.Object] = {}  # curves that Spline IK follows
         self.refused: list[str] = []
         self._actions: dict[tuple[str, int], dict[str, list[Channel]]] = {}
 
-    def of(self, target: bpy.types.Object | None, bone: str, is_head: bool = False) -> Target:
-        """Returns what a description says of a target. Raises Refused for what has no matrix. is_head: all that counts
-        is where the bone's head is."""
+    def of(self, target: bpy.types.Object | None, bone: str, read_as: ReadAs | None = None) -> Target:
+        """Returns what a description says of a target. Raises Refused for what has no matrix."""
         if target is None:
             return None
         if target == self.ob:
@@ -36,9 +40,9 @@ class Targets:
         if bone and bone not in target.pose.bones:  # so that Blender does not know what to evaluate first
             raise curves.Refused(f"{target.name} has no bone {bone}: choose another one")
         name = f"{target.name_full}/{bone}" if bone else target.name_full
-        if bone and is_head:
-            name += "/head"
-            self.heads.add(name)
+        if bone and read_as is not None:
+            name += "/" + "/".join(read_as)
+            self.read_as[name] = read_as
         self.outside.setdefault(name, (target, bone))
         return {"outside": name}
 
@@ -67,17 +71,27 @@ class Targets:
         return bool(self._actions)
 
     def matrices(self, depsgraph: bpy.types.Depsgraph | None = None) -> dict[str, np.ndarray]:
-        """Returns the present world matrices from outside that are not computed, each 4 x 4."""
+        """Returns the present matrices from outside that are not computed, each 4 x 4."""
         given = {name: each for name, each in self.outside.items() if name not in self.moving}
-        return {name: matrix_of(target, bone, depsgraph, name in self.heads) for name, (target, bone) in given.items()}
+        return {
+            name: matrix_of(target, bone, depsgraph, self.read_as.get(name)) for name, (target, bone) in given.items()
+        }
 
 
 def matrix_of(
-    target: bpy.types.Object, bone: str, depsgraph: bpy.types.Depsgraph | None, is_head: bool = False
+    target: bpy.types.Object, bone: str, depsgraph: bpy.types.Depsgraph | None, read_as: ReadAs | None = None
 ) -> np.ndarray:
     evaluated = target if depsgraph is None else target.evaluated_get(depsgraph)
     world = np.array(evaluated.matrix_world, np.float32)
-    return multiplied(world, np.array(evaluated.pose.bones[bone].matrix, np.float32), is_head) if bone else world
+    if not bone:
+        return world
+    posed = evaluated.pose.bones[bone]
+    in_world = multiplied(world, np.array(posed.matrix, np.float32), read_as == HEAD)
+    if read_as is None or read_as == HEAD:
+        return in_world
+    start, to = read_as
+    matrix = posed.matrix if start == "POSE" else Matrix(in_world.tolist())
+    return np.array(evaluated.convert_space(pose_bone=posed, matrix=matrix, from_space=start, to_space=to), np.float32)
 
 
 def multiplied(a: np.ndarray, b: np.ndarray, is_head: bool = False) -> np.ndarray:

@@ -73,6 +73,9 @@ struct RigOutputs {
   std::optional<RigRecords> records;           ///< F
 };
 
+/// Of those that Blender converts matrices of bones between.
+enum class BoneSpace : std::uint8_t { world, pose, local, local_with_parent };
+
 /// What the time of an evaluation is spent on. Bones include their constraints other than IK.
 enum class RigPart : std::uint8_t { curves, drivers, bones, ik, segments };
 inline constexpr int kRigPartCount = 5;
@@ -108,6 +111,13 @@ class RigProgram {
 
   /// The rest matrix of a bone, in armature space.
   Matrix4<float> rest(std::ptrdiff_t bone) const;
+
+  /// Converts the matrices of a bone as Blender does for constraints, which begin in world space, and for drivers.
+  ///
+  /// poses  F x B: each bone in armature space
+  /// out    F x 1
+  void convert(const MatrixStack<const float>& poses, std::ptrdiff_t bone, BoneSpace from, BoneSpace to,
+               const MatrixStack<float>& out) const;
 
   /// How many numbers the rig has.
   int value_count() const;

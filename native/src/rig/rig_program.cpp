@@ -7,6 +7,7 @@
 #include "base/parallel.h"
 #include "rig/pose_record.h"
 #include "rig/program.h"
+#include "rig/spaces.h"
 #include "rig/state.h"
 #include "sinew/threads.h"
 
@@ -148,6 +149,37 @@ std::vector<std::string> RigProgram::keyed() const {
 }
 
 Matrix4<float> RigProgram::rest(std::ptrdiff_t bone) const { return eigen_of(program_->bones[bone].rest); }
+
+void RigProgram::convert(const MatrixStack<const float>& poses, std::ptrdiff_t bone, BoneSpace from, BoneSpace to,
+                         const MatrixStack<float>& out) const {
+  const auto space = [](BoneSpace given) {
+    switch (given) {
+      case BoneSpace::pose:
+        return rig::Space::pose;
+      case BoneSpace::local:
+        return rig::Space::local;
+      case BoneSpace::local_with_parent:
+        return rig::Space::local_with_parent;
+      default:
+        return rig::Space::world;
+    }
+  };
+  const Borrowed borrowed(*states_, *program_);
+  rig::State& state = *borrowed;
+  const auto pose_of = [&](std::ptrdiff_t frame, std::ptrdiff_t which) {
+    const Matrix4<float> m = poses.at(frame, which);
+    return rig::matrix_of(std::span<const float, 16>(m.data(), 16));
+  };
+  for (std::ptrdiff_t frame = 0; frame < out.frames; ++frame) {
+    ++state.pass;
+    if (parents_[bone] >= 0) state.poses[parents_[bone]] = pose_of(frame, parents_[bone]);
+    const auto index = static_cast<int>(bone);
+    rig::posed_parent(*program_, state, index);
+    rig::Mat4 m = pose_of(frame, bone);
+    if (from == BoneSpace::world) m = rig::to_world(*program_, m);
+    out.at(frame, 0) = eigen_of(rig::converted(*program_, state, {index, -1, rig::kIdentity4}, m, space(from), space(to)));
+  }
+}
 
 int RigProgram::value_count() const { return static_cast<int>(program_->map.values().size()); }
 
