@@ -382,7 +382,8 @@ void bind_rigs(py::module_& module) {
            "frames: (F,) times.\n"
            "set: as in evaluate(), and so are the errors.")
       .def("convert", &py_convert, py::arg("poses"), py::arg("bone"), py::arg("from_space"), py::arg("to_space"),
-           "Returns the matrices of a bone in another space, (F, 4, 4) float32, with the bits of Object.convert_space.\n\n"
+           "Returns the matrices of a bone in another space, (F, 4, 4) float32, with the bits of "
+           "Object.convert_space.\n\n"
            "poses: (F, B, 4, 4), as evaluate() returns them.\n"
            "bone: its number.\n"
            "from_space: where the conversion begins: 'POSE' for what drivers read, 'WORLD' for constraints.\n"

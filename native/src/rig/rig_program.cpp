@@ -1,6 +1,7 @@
 #include "sinew/rig_program.h"
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include "base/check.h"
@@ -152,18 +153,10 @@ Matrix4<float> RigProgram::rest(std::ptrdiff_t bone) const { return eigen_of(pro
 
 void RigProgram::convert(const MatrixStack<const float>& poses, std::ptrdiff_t bone, BoneSpace from, BoneSpace to,
                          const MatrixStack<float>& out) const {
-  const auto space = [](BoneSpace given) {
-    switch (given) {
-      case BoneSpace::pose:
-        return rig::Space::pose;
-      case BoneSpace::local:
-        return rig::Space::local;
-      case BoneSpace::local_with_parent:
-        return rig::Space::local_with_parent;
-      default:
-        return rig::Space::world;
-    }
-  };
+  using enum rig::Space;
+  constexpr std::array kSpaces = {world, pose, local, local_with_parent};  // as BoneSpace numbers them
+  const rig::Space start = kSpaces[static_cast<std::size_t>(from)];
+  const rig::Space end = kSpaces[static_cast<std::size_t>(to)];
   const Borrowed borrowed(*states_, *program_);
   rig::State& state = *borrowed;
   const auto pose_of = [&](std::ptrdiff_t frame, std::ptrdiff_t which) {
@@ -176,8 +169,8 @@ void RigProgram::convert(const MatrixStack<const float>& poses, std::ptrdiff_t b
     const auto index = static_cast<int>(bone);
     rig::posed_parent(*program_, state, index);
     rig::Mat4 m = pose_of(frame, bone);
-    if (from == BoneSpace::world) m = rig::to_world(*program_, m);
-    out.at(frame, 0) = eigen_of(rig::converted(*program_, state, {index, -1, rig::kIdentity4}, m, space(from), space(to)));
+    if (start == world) m = rig::to_world(*program_, m);
+    out.at(frame, 0) = eigen_of(rig::converted(*program_, state, {index, -1, rig::kIdentity4}, m, start, end));
   }
 }
 

@@ -126,6 +126,8 @@ def constrain_bone(random):
             if others and random.random() < 0.6:
                 constraint.target = random.choice(others)
                 constraint.subtarget = random.choice(constraint.target.pose.bones).name
+                if constraint.type == "COPY_ROTATION":
+                    constraint.target_space = random.choice(("WORLD", "LOCAL", "POSE", "LOCAL_WITH_PARENT"))
 
 
 @kind(2)
@@ -321,8 +323,8 @@ def evaluate_another_scene(random):
         bpy.context.window.scene = current
     others = [each for each in bpy.data.scenes if each != current]
     other, (ob, twin), seed = random.choice(others), random.choice(pairs), random.random()
-    # The same moment: what keyframes set goes from any scene to the originals that both share, and Blender takes it from
-    # there, also into the graph that it makes for applying a modifier that is off in the evaluated object.
+    # The same moment: what keyframes set goes from any scene to the originals that both share, and Blender takes it
+    # from there, also into the graph that it makes for applying a modifier that is off in the evaluated object.
     now = {"frame": current.frame_current, "subframe": current.frame_subframe}
     other.frame_set(**now)  # Blender crashes if something is tagged while another thread builds a graph
     for each, _twin in scene.pairs():  # a deformed copy has the shape of the scene that was evaluated last
