@@ -169,7 +169,7 @@ def select_parts(mesh, parts, name, start, end):
 
 @on_both(0.2)
 def clear_geometry(random, ob):
-    if not keys_of(ob):
+    if not keys_of(ob) and ob.data.animation_data is None:  # Blender crashes over the driver of a vertex that has gone
         ob.data.clear_geometry()
 
 
