@@ -307,11 +307,18 @@ class Reader {
       if (const py::handle found = entries.find("values")) {
         object.values = entries.numbers<kObjectValueCount>("values", found);
       }
-      entries.done({"name", "parent", "matrix_parent_inverse", "rotation_mode", "values"});
-      if (!matrices_.emplace(object.name, object.matrix).second) {
-        wrong("object \"" + object.name + "\"", "has the name of a matrix; give each a name of its own");
-      }
-      rig_.matrices.push_back({object.name, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}});
+      entries.done({"name", "parent", "matrix_parent_inverse", "rotation_mode", "values", "local", "basis"});
+      const auto add_matrix = [&](const std::string& name) {
+        const auto number = static_cast<int>(rig_.matrices.size());
+        if (!matrices_.emplace(name, number).second) {
+          wrong("object \"" + object.name + "\"", "has the name of a matrix; give each a name of its own");
+        }
+        rig_.matrices.push_back({name, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}});
+        return number;
+      };
+      add_matrix(object.name);
+      if (entries.find("local")) object.local = add_matrix(entries.get<std::string>("local"));
+      if (entries.find("basis")) object.basis = add_matrix(entries.get<std::string>("basis"));
       rig_.objects.push_back(std::move(object));
     }
   }

@@ -479,7 +479,7 @@ def test_bones_of_other_armatures_in_all_spaces(armature, other, kind, space):
     assert differences(armature) == []
 
 
-@pytest.mark.parametrize("space", ("WORLD_SPACE", "LOCAL_SPACE"))
+@pytest.mark.parametrize("space", ("WORLD_SPACE", "LOCAL_SPACE", "TRANSFORM_SPACE"))
 @pytest.mark.parametrize("channel", ("LOC_X", "LOC_Z", "ROT_X", "ROT_Y", "ROT_W", "SCALE_Y", "SCALE_AVG", "far"))
 def test_drivers_of_bones_of_other_armatures(armature, other, channel, space):
     armature.location, armature.rotation_euler = (1, 2, 3), (0.3, -0.2, 0.1)
@@ -499,6 +499,36 @@ def test_drivers_of_bones_of_other_armatures(armature, other, channel, space):
     assert differences(armature) == []
 
 
+@pytest.mark.parametrize("has_parent", (False, True))
+@pytest.mark.parametrize("space", ("WORLD_SPACE", "LOCAL_SPACE", "TRANSFORM_SPACE"))
+@pytest.mark.parametrize("channel", ("LOC_X", "ROT_Y", "ROT_W", "SCALE_AVG", "far"))
+def test_objects_in_all_spaces(armature, channel, space, has_parent):
+    armature.location, armature.rotation_euler = (1, 2, 3), (0.3, -0.2, 0.1)
+    parent, driver = new_empty("Parent"), armature.pose.bones["b"].driver_add("location", 0).driver
+    parent.rotation_euler, parent.location = (0.4, 0.1, 0.2), (0.3, -2, 1)
+    read = new_empty("Read", parent if has_parent else None)
+    read.location, read.rotation_euler, read.scale = (1, 2, 3), (0.5, -0.3, 0.2), (1.1, 0.8, 1.3)
+    read.delta_rotation_euler, read.delta_scale = (0.1, 0.2, 0.3), (1, 1.2, 1)
+    constraint = armature.pose.bones["c"].constraints.new("COPY_TRANSFORMS")
+    constraint.target, constraint.target_space, constraint.influence = read, "LOCAL", 0.5
+    driver.type, variable = "SUM", driver.variables.new()
+    variable.type = "LOC_DIFF" if channel == "far" else "TRANSFORMS"
+    target = variable.targets[0]
+    target.id, target.transform_space = read, space
+    if channel == "far":
+        variable.targets[1].id, variable.targets[1].bone_target = armature, "a"
+    else:
+        target.transform_type, target.rotation_mode = channel, "QUATERNION" if channel == "ROT_W" else "AUTO"
+    bpy.context.view_layer.update()
+    assert differences(armature) == []
+    read.delta_location = (1, 2, 3)
+    bpy.context.view_layer.update()
+    if channel == "far" and space == "TRANSFORM_SPACE":
+        assert "it reads Read, which has a delta, in transform space, which is not covered" in refusal(armature)
+    else:
+        assert differences(armature) == []
+
+
 def test_what_is_not_covered_of_other_armatures(armature, other):
     bone = armature.pose.bones["b"]
     constraint = bone.constraints.new("COPY_LOCATION")
@@ -516,12 +546,6 @@ def test_what_is_not_covered_of_other_armatures(armature, other):
     assert "IK without a target is not covered" in refusal(armature)
     bone.constraints.remove(bone.constraints[0])
     variable = bone.driver_add("location", 0).driver.variables.new()
-    variable.type = "TRANSFORMS"
-    target = variable.targets[0]
-    target.id, target.bone_target, target.transform_space = other, "bone1", "TRANSFORM_SPACE"
-    assert "it reads Other in transform space, which is not covered" in refusal(armature)
-    target.bone_target, target.transform_space = "", "LOCAL_SPACE"
-    assert "it reads Other in another space than the world's, which is not covered" in refusal(armature)
     variable.type = "ROTATION_DIFF"
     for target in variable.targets:
         target.id, target.bone_target = other, "bone1"

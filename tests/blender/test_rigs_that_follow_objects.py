@@ -184,6 +184,16 @@ READ = {
     "a quaternion": lambda cast: drive_by(
         cast, "TRANSFORMS", cast.ball, transform_type="ROT_X", rotation_mode="QUATERNION"
     ),
+    **{
+        f"{name} in {space}": lambda cast, name=name, channel=channel, space=space: drive_by(
+            cast, "TRANSFORMS", getattr(cast, name), transform_type=channel, transform_space=space
+        )
+        for space in ("LOCAL_SPACE", "TRANSFORM_SPACE")
+        for name, channel in (("ball", "LOC_X"), ("ball", "ROT_Y"), ("wheel", "LOC_Z"), ("wheel", "ROT_X"))
+    },
+    "how far it is from another in local space": lambda cast: drive_by(
+        cast, "LOC_DIFF", cast.ball, cast.wheel, transform_space="LOCAL_SPACE"
+    ),
     "how far it is from another": lambda cast: drive_by(cast, "LOC_DIFF", cast.ball, cast.wheel),
     "the angle to another": lambda cast: drive_by(cast, "ROTATION_DIFF", cast.cart, cast.wheel),
     "a channel": lambda cast: drive_by(cast, "SINGLE_PROP", cast.wheel, data_path="location[1]"),
@@ -462,11 +472,6 @@ def read_in_another_way(cast):
     return "Rig follows Ball, which may move"
 
 
-def read_in_local_space(cast):
-    drive_by(cast, "TRANSFORMS", cast.ball, transform_space="LOCAL_SPACE")
-    return "it reads Ball in another space"
-
-
 def read_beside_a_bone(cast):
     drive_by(cast, "LOC_DIFF", cast.ball, bone="bone0")
     return "reads it together with something else"
@@ -475,8 +480,26 @@ def read_beside_a_bone(cast):
 REASONS = (
     read_beside_a_bone,
     *(with_constraint, with_driver, in_a_hand, with_strips, with_mode, hidden),
-    *(read_in_another_way, read_in_local_space),
+    read_in_another_way,
 )
+
+
+@pytest.mark.parametrize("kind", ("COPY_LOCATION", "COPY_ROTATION", "COPY_SCALE", "COPY_TRANSFORMS", "TRANSFORM"))
+def test_constraints_in_local_space(cast, kind):
+    for armature, *_ in both(cast):
+        for target in cast.ball, cast.wheel:
+            constraint = add(armature, kind, "bone3", target, target_space="LOCAL", influence=0.5)
+        if kind == "TRANSFORM":
+            constraint.from_max_x, constraint.to_max_x, constraint.to_max_y = 1.5, 2, 3
+    cast.scene.frame_set(2)
+    cast.accelerate()
+    cast.play([*FRAMES, 3])
+    move(cast)
+    layer().update()
+    cast.assert_same()
+    cast.play([4, 8])
+    wait(cast)
+    assert cast.rig.is_frozen, cast.rig.reason
 
 
 @pytest.mark.parametrize("prepare", REASONS)

@@ -205,6 +205,12 @@ TEST(RigProgram, PlacesObjectsThatItFollows) {
   rig.objects[0].matrix = 2;
   EXPECT_EQ(failure_of(rig), "object \"cart\" has matrix 2; the rig has 2");
   rig = with_objects();
+  rig.objects[1].local = 2;
+  EXPECT_EQ(failure_of(rig), "object \"aim\" has matrix 2; expected -1 to 1");
+  rig.objects[1].local = -1;
+  rig.objects[1].basis = 0;
+  EXPECT_EQ(failure_of(rig), "object \"aim\" has the matrix of an object in another space");
+  rig = with_objects();
   rig.objects[0].parent = 0;
   EXPECT_EQ(failure_of(rig), "object \"cart\" comes before its parent; sort the objects");
   rig = with_objects();

@@ -347,6 +347,23 @@ def test_objects_that_keyframes_move(with_objects):
     assert program.paths['objects["Cart"].delta_rotation_quaternion'] == 4
 
 
+@pytest.mark.parametrize("space", ["local", "basis"])
+def test_objects_in_other_spaces(with_objects, space):
+    """A child's local space is its parent's; an object without a parent has one that is turned as it is."""
+    cart, aim = with_objects["objects"]
+    aim[space], target = "Aim, there", with_objects["constraints"][0]["targets"]
+    target[0] = {"outside": "Aim, there"}
+    found = place(sinew.RigProgram(with_objects), [0, 5, 10])
+    np.testing.assert_allclose(found, [[4, 1, 0], [4, 3, 0], [4, 5, 0]], atol=2e-5)
+    cart[space], cart["parent"], target[0] = "Cart, there", None, {"outside": "Cart, there"}
+    with_objects["curves"].append(line('objects["Cart"].location', 0, (0, 3)))
+    wanted = [[3, 0, 0], [0, -3, 0], [-3, 0, 0]] if space == "local" else [[3, 0, 0]] * 3
+    np.testing.assert_allclose(place(sinew.RigProgram(with_objects), [0, 5, 10]), wanted, atol=2e-5)
+    cart[space] = "Set"
+    with pytest.raises(ValueError, match='object "Cart" has the name of a matrix; give each a name of its own'):
+        sinew.RigProgram(with_objects)
+
+
 def test_what_is_given_of_objects_counts(with_objects):
     program, raised = sinew.RigProgram(with_objects), np.eye(4)
     raised[:3, 3] = (1, 2, 30)

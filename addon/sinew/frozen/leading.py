@@ -40,7 +40,7 @@ def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Out
             found[key] = Leader(rigs.learn(block), world, {}, {})
         return found[key]
 
-    placed = [each for name, each in read.outside.items() if each[1] or name not in read.moving and _may_move(each[0])]
+    placed = [each for each in read.outside.values() if each[1] or _moves_otherwise(each[0], read)]
     animated = {
         block: tuple(map(paths.normalised, animation.animated_paths(block))) for block, _path in numbers.read.values()
     }
@@ -49,6 +49,8 @@ def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Out
     ]
     is_led = {block: _is_led(block, ob) for block, _what in (*placed, *read_numbers)}
     for name, (block, bone) in read.outside.items():
+        if bone and is_led[block] and read.read_as.get(name) == targets.BASIS:
+            raise curves.Refused(f"{ob.name} reads {bone} of {block.name}, which moves, in transform space")
         if bone and is_led[block]:
             leader(block).bones[name] = block.pose.bones.find(bone), read.read_as.get(name)
     for name, (block, path) in numbers.read.items():
@@ -60,9 +62,10 @@ def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Out
     return tuple(found.values())
 
 
-def _may_move(ob: bpy.types.Object) -> bool:
-    """Whether time, or the pose of an armature, may change where an object is."""
-    return ob.type == "ARMATURE" or objects.may_move(ob)
+def _moves_otherwise(ob: bpy.types.Object, read: targets.Targets) -> bool:
+    """Whether time, or the pose of an armature, may change where an object is, so that the program does not compute
+    it."""
+    return ob.name_full not in read.moving and (ob.type == "ARMATURE" or objects.may_move(ob))
 
 
 def _is_plain(block: Any, path: str, animated: tuple[str, ...]) -> bool:

@@ -90,11 +90,11 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
         row |= {"spline": curve.name_full, "joints": [*constraint.joint_bindings]}
     elif hasattr(constraint, "target"):
         bone_name, space = getattr(constraint, "subtarget", ""), _SPACES.get(settings["target_space"])
-        target = found.of(constraint.target, bone_name, ("WORLD", space) if bone_name and space else None)
+        target = found.of(constraint.target, bone_name, ("WORLD", space) if space else None)
         if target and "outside" in target:
             if settings.get("head_tail", 0) > 0:
                 raise curves.Refused("a place along a bone of another armature is not covered: set Head/Tail to 0")
-            if bone_name and space:
+            if space:
                 settings["target_space"] = WORLD  # the matrix that is given is in that space
             elif bone_name and settings["target_space"] not in (WORLD, CUSTOM):
                 raise curves.Refused(

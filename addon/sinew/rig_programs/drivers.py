@@ -170,9 +170,9 @@ def target_of(kind: str, target: driver_variables.Target, found: targets.Targets
     block, _path, bone, channel, space, mode = target
     if block == found.ob and bone and bone not in found.bones:
         raise curves.Refused(f"{block.name} has no bone {bone}: choose another one")
-    read_as = targets.HEAD if kind == "LOC_DIFF" and space == "WORLD_SPACE" else None
-    if kind != "ROTATION_DIFF" and space == "LOCAL_SPACE" and bone:
-        read_as = "POSE", "LOCAL"
+    read_as: targets.ReadAs | None = targets.HEAD if kind == "LOC_DIFF" and bone else None
+    if kind != "ROTATION_DIFF" and space != "WORLD_SPACE":
+        read_as = targets.BASIS if space == "TRANSFORM_SPACE" else ("POSE" if bone else "WORLD", "LOCAL")
     row: dict[str, Any] = {"target": found.of(block, bone, read_as), "transform_type": channel}
     row |= {"transform_space": space, "rotation_mode": mode}
     if not row["target"] or "outside" not in row["target"]:
@@ -182,9 +182,8 @@ def target_of(kind: str, target: driver_variables.Target, found: targets.Targets
     # What comes from outside is a matrix.
     if kind == "ROTATION_DIFF" and bone:
         raise curves.Refused(f"it reads how a bone of {block.name} is turned, which is not covered")
-    if kind != "ROTATION_DIFF" and space != "WORLD_SPACE" and not (bone and space == "LOCAL_SPACE"):
-        which = "transform space" if bone else "another space than the world's"
-        raise curves.Refused(f"it reads {block.name} in {which}, which is not covered")
+    if kind == "LOC_DIFF" and read_as == targets.BASIS and not bone and any(block.delta_location):
+        raise curves.Refused(f"it reads {block.name}, which has a delta, in transform space, which is not covered")
     holder = block.pose.bones[bone] if bone else block
     if kind == "TRANSFORMS" and mode == "AUTO" and holder.rotation_mode not in ("QUATERNION", "AXIS_ANGLE"):
         start = f"{holder.path_from_id()}." if bone else ""

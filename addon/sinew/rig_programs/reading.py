@@ -94,6 +94,11 @@ def read(
     own = objects.moving(found.outside.values())
     found.moving = {each.name_full: each for each in own}
     description["objects"], keyed_places = objects.rows_of(own)
+    for name, read_as in found.read_as.items():
+        target, bone = found.outside[name]
+        if not bone and target.name_full in found.moving:
+            row = next(each for each in description["objects"] if each["name"] == target.name_full)
+            row["basis" if read_as == targets.BASIS else "local"] = name
     for property_row, its_curves in objects.properties_of(outside.keyed.values()):
         description["properties"].append(property_row)
         keyed_places += its_curves

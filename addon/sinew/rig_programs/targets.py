@@ -9,10 +9,11 @@ from mathutils import Matrix
 from . import curves, paths
 
 Target = dict[str, Any] | None
-# How the matrix of a bone of another armature is read: from which space it is converted into which one, as
-# Object.convert_space names them; HEAD: only the head counts, which is moved to the world as a point.
+# How the matrix of another object, or of a bone of another armature, is read if not in world space: from which space it
+# is converted into which one, as Object.convert_space names them.
 ReadAs = tuple[str, str]
-HEAD: ReadAs = ("WORLD", "HEAD")
+HEAD: ReadAs = ("WORLD", "HEAD")  # of a bone, only the head counts, which is moved to the world as a point
+BASIS: ReadAs = ("BASIS", "BASIS")  # what its own channels say
 Channel = tuple[str, int, bpy.types.FCurve, dict[str, Any]]  # a bone's property, its index, the curve and its row
 
 
@@ -23,7 +24,7 @@ class Targets:
         self.ob = ob
         self.bones = set(ob.pose.bones.keys())
         self.outside: dict[str, tuple[bpy.types.Object, str]] = {}  # object and bone by name
-        self.read_as: dict[str, ReadAs] = {}  # those of bones that are not read as world matrices
+        self.read_as: dict[str, ReadAs] = {}  # those of them that are not read as world matrices
         self.moving: dict[str, bpy.types.Object] = {}  # those whose matrices the program computes, and their parents
         self.splines: dict[str, bpy.types.Object] = {}  # curves that Spline IK follows
         self.refused: list[str] = []
@@ -40,7 +41,7 @@ class Targets:
         if bone and bone not in target.pose.bones:  # so that Blender does not know what to evaluate first
             raise curves.Refused(f"{target.name} has no bone {bone}: choose another one")
         name = f"{target.name_full}/{bone}" if bone else target.name_full
-        if bone and read_as is not None:
+        if read_as is not None:
             name += "/" + "/".join(read_as)
             self.read_as[name] = read_as
         self.outside.setdefault(name, (target, bone))
@@ -72,7 +73,7 @@ class Targets:
 
     def matrices(self, depsgraph: bpy.types.Depsgraph | None = None) -> dict[str, np.ndarray]:
         """Returns the present matrices from outside that are not computed, each 4 x 4."""
-        given = {name: each for name, each in self.outside.items() if name not in self.moving}
+        given = {name: each for name, each in self.outside.items() if each[1] or each[0].name_full not in self.moving}
         return {
             name: matrix_of(target, bone, depsgraph, self.read_as.get(name)) for name, (target, bone) in given.items()
         }
@@ -82,11 +83,12 @@ def matrix_of(
     target: bpy.types.Object, bone: str, depsgraph: bpy.types.Depsgraph | None, read_as: ReadAs | None = None
 ) -> np.ndarray:
     evaluated = target if depsgraph is None else target.evaluated_get(depsgraph)
-    world = np.array(evaluated.matrix_world, np.float32)
-    if not bone:
-        return world
-    posed = evaluated.pose.bones[bone]
-    in_world = multiplied(world, np.array(posed.matrix, np.float32), read_as == HEAD)
+    posed: Any = evaluated.pose.bones[bone] if bone else None
+    if read_as == BASIS:
+        return np.array((posed or evaluated).matrix_basis, np.float32)
+    in_world = np.array(evaluated.matrix_world, np.float32)
+    if posed is not None:
+        in_world = multiplied(in_world, np.array(posed.matrix, np.float32), read_as == HEAD)
     if read_as is None or read_as == HEAD:
         return in_world
     start, to = read_as

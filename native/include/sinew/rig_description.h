@@ -270,6 +270,8 @@ struct ObjectDescription {
   std::string name;
   int matrix = -1;  ///< in RigDescription::matrices, where it puts its world matrix
   int parent = -1;  ///< the matrix there that it is a child of, or -1; that of an object has to be one in front of it
+  int local = -1;   ///< where it puts its matrix in Blender's local space of objects, or -1
+  int basis = -1;   ///< where it puts what its own channels say, or -1
   std::array<float, 16> parent_inverse = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
   RotationMode rotation_mode = RotationMode::xyz;
   std::array<float, kObjectValueCount> values = {};  ///< in the order of object_settings()

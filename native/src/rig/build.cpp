@@ -202,13 +202,17 @@ void add_object(const RigDescription& rig, int index, Program& program) {
   if (given.parent < -1 || given.parent >= matrices) {
     fail(text, " has matrix ", given.parent, " as its parent; expected -1 to ", matrices - 1);
   }
+  for (const int own : {given.local, given.basis}) {
+    if (own < -1 || own >= matrices) fail(text, " has matrix ", own, "; expected -1 to ", matrices - 1);
+  }
   for (int other = 0; other < static_cast<int>(rig.objects.size()); ++other) {
     const int matrix = rig.objects[other].matrix;
+    if (matrix == given.local || matrix == given.basis) fail(text, " has the matrix of an object in another space");
     if (other < index && matrix == given.matrix) fail(text, " has the matrix of another object");
     if (other >= index && matrix == given.parent) fail(text, " comes before its parent; sort the objects");
   }
   check_finite(given.parent_inverse, "the parent inverse matrix of " + text);
-  program.objects.push_back({program.map.first_of_object(index), given.matrix, given.parent,
+  program.objects.push_back({program.map.first_of_object(index), given.matrix, given.parent, given.local, given.basis,
                              matrix_of(given.parent_inverse), given.rotation_mode});
 }
 

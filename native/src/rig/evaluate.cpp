@@ -26,6 +26,15 @@ void drive(const Program& program, State& state, int index) {
   store(program, state, driver.value, result.value);
 }
 
+/// What Blender calls an object's local space: relative to its parent or, without one, to its own rotation.
+Mat4 local_of(const State& state, const MovingObject& object, const Mat4& basis, const Mat4& world) {
+  if (object.parent >= 0) return inverse(state.outside[object.parent] * object.parent_inverse) * world;
+  Mat4 turned = basis;
+  normalize_columns(turned);
+  turned.set_location({0, 0, 0});
+  return inverse(turned) * world;
+}
+
 /// Blender's order: the deltas turn last; then the parent, its inverse and what the channels say.
 void place_objects(const Program& program, State& state) {
   for (const MovingObject& object : program.objects) {
@@ -39,6 +48,8 @@ void place_objects(const Program& program, State& state) {
     }
     Mat4& world = state.outside[object.matrix];
     world = object.parent < 0 ? local : (state.outside[object.parent] * object.parent_inverse) * local;
+    if (object.local >= 0) state.outside[object.local] = local_of(state, object, local, world);
+    if (object.basis >= 0) state.outside[object.basis] = local;
   }
 }
 

@@ -113,6 +113,8 @@ struct MovingObject {
   int values = 0;  ///< where its numbers begin
   int matrix = 0;  ///< in State::outside
   int parent = -1;
+  int local = -1;
+  int basis = -1;
   Mat4 parent_inverse = kIdentity4;
   RotationMode rotation_mode = RotationMode::xyz;
 };
