@@ -134,9 +134,10 @@ def constrain_bone(random):
 def change_target(random):
     """What bones and hooks follow."""
     scene.leave_modes()
-    ob, other = (bpy.data.objects.get(name) for name in random.sample(("Target 1", "Target 2"), 2))
-    if ob is None or other is None:
+    found = [bpy.context.view_layer.objects.get(name) for name in random.sample(("Target 1", "Target 2"), 2)]
+    if None in found:
         return None
+    ob, other = found
     what = random.choice(("move", "key", "parent", "hide", "stop", "mode"))
     if what in ("move", "key"):
         ob.location, ob.rotation_euler, ob.delta_scale = (scene.some(random, 1) for _ in range(3))
