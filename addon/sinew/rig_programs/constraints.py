@@ -78,7 +78,7 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
             raise curves.Refused("bone envelopes are not covered: turn them off")
         read = [_of_target(target) for target in constraint.targets]
         row["targets"] = [
-            found.of(target, name) if target and (not name or name in target.pose.bones) else None
+            None if name and target and target.pose and name not in target.pose.bones else found.of(target, name)
             for target, name, _weight in read
         ]
         if any(target and "outside" in target for target in row["targets"]):
