@@ -69,6 +69,20 @@ def test_a_mapping_of_frames_between_two_steps_is_seen(cast):
     accelerate(cast)
 
 
+def test_a_mapping_of_frames_after_a_pose_is_seen(cast):
+    """The edited rig was read again meanwhile, before the frames were mapped."""
+    accelerate(cast)
+    cast.scene.frame_set(8)
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone2"].location.x += 0.1
+    layer().update()
+    wait(cast)
+    assert cast.rig.is_idle and not cast.rig.is_frozen and cast.rig.source.program is not None
+    cast.scene.render.frame_map_new = 200
+    cast.play([8, 9, 4])
+    assert not cast.rig.is_frozen
+
+
 def test_it_needs_no_recording_and_no_memory(cast):
     accelerate(cast)
     cast.play([*FRAMES, 3, -7, 400])

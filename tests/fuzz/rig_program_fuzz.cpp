@@ -80,6 +80,12 @@ class Maker {
     made.rotation_mode = static_cast<RotationMode>(byte() % 8 - 1);
     for (int i = byte() % 8; i > 0; --i) made.values[byte() % made.values.size()] = number();
     if (byte() & 1) made.parent_inverse[byte() % made.parent_inverse.size()] = number();
+    for (int* own : {&made.local, &made.basis}) {
+      if (byte() & 1) continue;
+      *own = static_cast<int>(rig.matrices.size());
+      rig.matrices.push_back({made.name + std::to_string(*own), rig.world});
+      if (raw_) *own = place(rig.matrices.size());
+    }
     rig.objects.push_back(made);
   }
 
@@ -286,5 +292,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   fuzz::require(std::memcmp(poses[0].data(), poses[1].data(), poses[0].size() * sizeof(Matrix4<float>)) == 0,
                 "a rig computes the same bits again");
+  if (bones > 0) {
+    const auto given = MatrixStack<const float>{MatrixStack<float>::of(poses[0].data(), 3, bones)};
+    Matrix4<float> local[3];
+    const auto space = static_cast<BoneSpace>(bytes.take<std::uint8_t>() % 4);
+    program->convert(given, bytes.take<std::uint8_t>() % bones, space, BoneSpace::local,
+                     MatrixStack<float>::of(local, 3, 1));
+  }
   return 0;
 }

@@ -293,7 +293,8 @@ def _read_edited(posed: list[rigs.Rig], graph: Any) -> dict[int, str]:
     with what Blender has made of the edit. Returns why others have none, by key."""
     for rig in posed:
         changes.compare_keys(rig, graph)
-        if rig.watch is not None and rig.watch.is_tagged(graph, True):
+        is_edited = rig.watch is not None and rig.watch.is_tagged(graph, True)
+        if is_edited or rig.tempo != changes.tempo_of(rig.scene):
             changes.drop_all(rig)
     changes.look(rigs.at_home(graph), graph)  # before what was copied is marked
     unread = [rig for rig in posed if rig.source.program is None]
