@@ -64,7 +64,8 @@ Vec3 location_in(const Program& program, State& state, const ReadTarget& read) {
 }  // namespace
 
 float variable_value(const Program& program, State& state, const Variable& variable) {
-  const auto& [first, second] = variable.targets;
+  const ReadTarget& first = variable.targets[0];
+  const ReadTarget& second = variable.targets[1];
   const auto has_both = [&] {
     return first.target.type != RigTarget::Type::none && second.target.type != RigTarget::Type::none;
   };
