@@ -293,7 +293,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::require(std::memcmp(poses[0].data(), poses[1].data(), poses[0].size() * sizeof(Matrix4<float>)) == 0,
                 "a rig computes the same bits again");
   if (bones > 0) {
-    const auto given = MatrixStack<const float>{MatrixStack<float>::of(poses[0].data(), 3, bones)};
+    const MatrixStack<const float> given = MatrixStack<float>::of(poses[0].data(), 3, bones);
     Matrix4<float> local[3];
     const auto space = static_cast<BoneSpace>(bytes.take<std::uint8_t>() % 4);
     program->convert(given, bytes.take<std::uint8_t>() % bones, space, BoneSpace::local,

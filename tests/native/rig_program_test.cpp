@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <numbers>
 #include <span>
@@ -73,6 +74,15 @@ TEST(RigProgram, InheritsScaleInEveryMode) {
     rig.bones[1].inherit_scale = mode;
     expect_near(rig::sizes_of(poses_of(rig)[1]), expected);
   }
+}
+
+TEST(RigProgram, WhatIsNotFiniteIsTheSameAgain) {
+  RigDescription rig = two_bones();
+  for (BoneDescription& bone : rig.bones) bone.values[kScale] = 1e30F;
+  ConstraintDescription& mixed = add_constraint(rig, ConstraintType::copy_transforms, 1, 0);
+  set(mixed, "influence", 0.5F);
+  const RigProgram program(rig);
+  for (int again = 0; again < 2; ++again) EXPECT_TRUE(std::isnan(poses_of(program, 1)[1].columns[0][0]));
 }
 
 TEST(RigProgram, ConvertsMatricesOfBones) {

@@ -31,8 +31,8 @@ Expression::Expression(std::string_view text, std::span<const std::string> names
     : steps_(parsed_expression(text, names)) {}
 
 Expression::Result Expression::value(std::span<const float> variables, double frame) const {
-  double stack[kExpressionDepth];
-  double* top = stack - 1;
+  double stack[1 + kExpressionDepth];  // the first is below what counts
+  double* top = stack;
   bool is_undefined = false;
   const std::span functions = expression_functions();
   for (std::size_t i = 0; i < steps_.size(); ++i) {
@@ -121,7 +121,7 @@ Expression::Result Expression::value(std::span<const float> variables, double fr
         }
         break;
     }
-    is_undefined |= top >= stack && std::isnan(*top);
+    is_undefined |= top > stack && std::isnan(*top);
   }
   return {*top, is_undefined};
 }

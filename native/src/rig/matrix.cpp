@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <cfloat>
 #include <cstring>
+#include <limits>
 
 #include "rig/rotation.h"
 
@@ -25,6 +26,10 @@ Mat3 matrix3_of(const Eigen::Matrix3f& eigen) {
 Polar polar(const Mat3& m) {
   Eigen::Matrix3f matrix;
   for (int i = 0; i < 3; ++i) matrix.col(i) << m[i][0], m[i][1], m[i][2];
+  if (!matrix.allFinite()) {  // of which Eigen leaves the result undefined
+    const Mat3 unknown = matrix3_of(Eigen::Matrix3f::Constant(std::numeric_limits<float>::quiet_NaN()));
+    return {unknown, unknown};
+  }
   // The decomposition decides the last bits: it has to be Jacobi's, without a QR step before it.
   const Eigen::JacobiSVD<Eigen::Matrix3f, Eigen::NoQRPreconditioner> svd(matrix,
                                                                          Eigen::ComputeFullU | Eigen::ComputeFullV);
