@@ -1,5 +1,6 @@
 """Bends, Layer, ShapeKeys, Deformer."""
 
+import contextlib
 import gc
 import threading
 
@@ -93,6 +94,21 @@ def test_half_turns_are_refused_if_that_is_wanted():
         else:
             deformers[0].deform([(matrices, None)], out)
             assert np.array_equal(out, other)
+
+
+@pytest.mark.parametrize(("turns", "is_refused"), [((0, 0, np.pi), True), ((0, np.pi / 2, np.pi), False)])
+def test_half_turns_of_segments_that_a_vertex_may_reach(turns, is_refused):
+    """At rest it is at the first of two segments; behind another layer it may be at the second. No vertex is moved by
+    the ends of both."""
+    one, axes = np.array([1.0]), np.array([[0.0, 1, 0, 0]])
+    bends = sinew.Bends(np.array([0]), np.array([0, 1]), np.array([0]), one, np.array([0]), np.array([2]), axes)
+    skin = sinew.Skin.from_dense(np.array([[0.1, 0.25, 0]]), np.array([[0.5, 0.5, 0]]))
+    deformer = sinew.Deformer([sinew.Layer(skin, "dual_quaternion", bends=bends, refuse_half_turns=True)])
+    matrices = np.tile(np.eye(4, dtype=np.float32), (3, 1, 1))
+    for matrix, angle in zip(matrices, turns):
+        matrix[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    with pytest.raises(sinew.HalfTurn, match="half a turn apart") if is_refused else contextlib.nullcontext():
+        deformer.deform([(matrices, None)], np.empty((1, 3), np.float32))
 
 
 def test_layers_are_mixed_by_their_shares(random):

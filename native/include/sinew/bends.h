@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "sinew/types.h"
@@ -35,6 +36,8 @@ class Bends {
   std::span<const std::int64_t> vertices() const { return vertices_; }
   /// M.
   std::ptrdiff_t influence_count() const { return std::ssize(bones_); }
+  /// Joints that may move the same vertex, wherever that is: those beside each other in a bone, and all of two bones.
+  std::span<const std::pair<std::uint32_t, std::uint32_t>> joint_pairs() const { return joint_pairs_; }
   /// One more than the last joint of any bone.
   std::ptrdiff_t joint_count() const { return joint_count_; }
 
@@ -60,6 +63,7 @@ class Bends {
   std::vector<std::int32_t> bones_;
   std::vector<float> weights_;
   std::vector<Bone> by_number_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> joint_pairs_;
   std::ptrdiff_t joint_count_ = 0;
   std::size_t most_influences_ = 0;
 };

@@ -4,6 +4,7 @@
 
 #include "base/per_thread.h"
 #include "deformer/method.h"
+#include "skinning/dual_quaternion_skinning.h"
 #include "skinning/kernels.h"
 
 // CMakeLists.txt has this file compiled without fused multiply-adds, so that mixing gives the same
@@ -55,6 +56,7 @@ void PosedLayer::pose(const Layer& own, const LayerPose& pose) {
   } else {
     prepare(*skin, own.method(), own.rule(), own.data(), stack, 0, palette);
   }
+  if (own.rule().refuses_half_turns && own.bends()) refuse_half_turns(own.bends()->joint_pairs(), palette);
   palette.from_mesh.reset();
   if (space) palette.from_mesh = space->back;
 }

@@ -75,15 +75,6 @@ void choose_signs(const BlockedSkin& skin, Palette& palette) {
 // Dot products of rotations up to this may be rounding; and of those that a nearly flat stretch leaves uncertain.
 constexpr float kRounding = 1e-5f, kUncertain = 1e-3f;
 
-void refuse_half_turns(const BlockedSkin& skin, const Palette& palette) {
-  const auto& joints = palette.dual_quaternions;
-  for (const auto& [a, b] : skin.neighbours) {
-    if (std::abs(dot(joints[a], joints[b])) <= kUncertain) {
-      throw HalfTurn("joints " + std::to_string(b) + " and " + std::to_string(a) + " are half a turn apart");
-    }
-  }
-}
-
 /// Chooses how each set is blended. Where any two joints of a set agree in sign, by more than rounding, and no weight
 /// is negative, every partial sum agrees with every joint: these signs are the ones that the stored order would give
 /// (or all of them reversed, which is the same motion), and the kernel need not check them.
@@ -141,6 +132,15 @@ void set_joint(const RigidAndStretch& motion, const Eigen::Quaternionf& own, std
 
 }  // namespace
 
+void refuse_half_turns(std::span<const JointPair> pairs, const Palette& palette) {
+  const auto& joints = palette.dual_quaternions;
+  for (const auto& [a, b] : pairs) {
+    if (std::abs(dot(joints[a], joints[b])) <= kUncertain) {
+      throw HalfTurn("joints " + std::to_string(b) + " and " + std::to_string(a) + " are half a turn apart");
+    }
+  }
+}
+
 void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, MatrixStack<const float> matrices,
                              std::ptrdiff_t frame, const Space* space, Palette& palette) {
   palette.stretch_each = rule.stretch == Stretch::frame_each;
@@ -170,7 +170,7 @@ void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, M
     set_joint(space ? carried(own, *space) : own, own.real, moving.joints[i], palette);
   }
   choose_signs(skin, palette);
-  if (rule.refuses_half_turns) refuse_half_turns(skin, palette);
+  if (rule.refuses_half_turns) refuse_half_turns(skin.neighbours, palette);
   choose_ways(skin, palette);
   if (!palette.stretch_each) return;
   for (std::size_t j = 0; j < palette.dual_quaternions.size(); ++j) {

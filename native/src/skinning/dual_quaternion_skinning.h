@@ -7,6 +7,9 @@
 
 namespace sinew {
 
+/// Throws HalfTurn if any of these pairs of joints is half a turn apart, but for rounding.
+void refuse_half_turns(std::span<const JointPair> pairs, const Palette& palette);
+
 /// matrices: F x J, of which this is frame `frame`. space: a similarity to which the motions are converted, or null.
 void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, MatrixStack<const float> matrices,
                              std::ptrdiff_t frame, const Space* space, Palette& palette);
