@@ -209,6 +209,16 @@ PROPERTIES = {
 }
 
 
+def move_and_play_on(cast):
+    """What it follows is moved by hand."""
+    move(cast)
+    layer().update()
+    cast.assert_same()
+    cast.play([4, 8])
+    wait(cast)
+    assert cast.rig.is_frozen, cast.rig.reason
+
+
 @pytest.mark.parametrize("read", READ)
 def test_drivers_read_what_moves(cast, read):
     READ[read](cast)
@@ -217,12 +227,7 @@ def test_drivers_read_what_moves(cast, read):
     for frame in (2, 7):
         cast.scene.frame_set(frame, subframe=0.5)
         cast.assert_same()
-    move(cast)
-    layer().update()
-    cast.assert_same()
-    cast.play([4, 8])
-    wait(cast)
-    assert cast.rig.is_frozen, cast.rig.reason
+    move_and_play_on(cast)
     pose(cast)
     layer().update()
     cast.assert_same()
@@ -494,12 +499,7 @@ def test_constraints_in_local_space(cast, kind):
     cast.scene.frame_set(2)
     cast.accelerate()
     cast.play([*FRAMES, 3])
-    move(cast)
-    layer().update()
-    cast.assert_same()
-    cast.play([4, 8])
-    wait(cast)
-    assert cast.rig.is_frozen, cast.rig.reason
+    move_and_play_on(cast)
 
 
 @pytest.mark.parametrize("prepare", REASONS)

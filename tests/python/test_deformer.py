@@ -109,6 +109,8 @@ def test_half_turns_of_segments_that_a_vertex_may_reach(turns, is_refused):
         matrix[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
     with pytest.raises(sinew.HalfTurn, match="half a turn apart") if is_refused else contextlib.nullcontext():
         deformer.deform([(matrices, None)], np.empty((1, 3), np.float32))
+    linear = sinew.Deformer([sinew.Layer(skin, "linear", bends=bends, refuse_half_turns=True)])
+    linear.deform([(matrices, None)], np.empty((1, 3), np.float32))
 
 
 def test_layers_are_mixed_by_their_shares(random):

@@ -131,14 +131,15 @@ def _given(leader: Leader, frames: Sequence[float]) -> Iterator[tuple[str, np.nd
             raise Unknown(f"{leader.rig.name}, which it follows, is not computed")
         given = inputs(leader.rig, frames)
     is_known = None not in moments
-    found = [poses.matrices_in(each.pose) for each in moments] if is_known else program.evaluate(times, given)
-    for name, (number, read_as) in leader.bones.items():
+    found = np.array([poses.matrices_in(each.pose) for each in moments]) if is_known else program.evaluate(times, given)
+    for read_as in dict.fromkeys(read_as for _number, read_as in leader.bones.values()):
+        own = {name: number for name, (number, each) in leader.bones.items() if each == read_as}
         if read_as is None or read_as == targets.HEAD:
-            own = np.stack([each[number] for each in found])
-            yield name, targets.multiplied(leader.world, own, read_as == targets.HEAD)
+            posed = found[:, list(own.values())].swapaxes(0, 1)  # (bones, F, 4, 4)
+            yield from zip(own, targets.multiplied(leader.world, posed, read_as == targets.HEAD))
         elif program is None:
             raise Unknown(f"{leader.rig.name}, which it follows, is not computed")
         else:
-            yield name, program.convert(np.array(found), number, *read_as)
+            yield from ((name, program.convert(found, number, *read_as)) for name, number in own.items())
     if leader.numbers:
         yield from zip(leader.numbers, program.values(times, list(leader.numbers.values()), given).T)

@@ -36,8 +36,9 @@ class Bends {
   std::span<const std::int64_t> vertices() const { return vertices_; }
   /// M.
   std::ptrdiff_t influence_count() const { return std::ssize(bones_); }
-  /// Joints that may move the same vertex, wherever that is: those beside each other in a bone, and all of two bones.
-  std::span<const std::pair<std::uint32_t, std::uint32_t>> joint_pairs() const { return joint_pairs_; }
+  /// Returns the joints that may move the same vertex, wherever that is: those beside each other in a bone, and all of
+  /// two bones. Looks at all influences.
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> joint_pairs() const;
   /// One more than the last joint of any bone.
   std::ptrdiff_t joint_count() const { return joint_count_; }
 
@@ -63,7 +64,6 @@ class Bends {
   std::vector<std::int32_t> bones_;
   std::vector<float> weights_;
   std::vector<Bone> by_number_;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> joint_pairs_;
   std::ptrdiff_t joint_count_ = 0;
   std::size_t most_influences_ = 0;
 };

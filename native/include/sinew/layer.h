@@ -47,6 +47,9 @@ class Layer {
   const std::optional<std::vector<float>>& share() const { return share_; }
   /// Or null.
   const Bends* bends() const { return bends_.get(); }
+  /// The bends' joints that may not be half a turn apart; empty unless the method is dual quaternions and its rule says
+  /// so.
+  std::span<const std::pair<std::uint32_t, std::uint32_t>> bent_pairs() const { return bent_pairs_; }
   const std::optional<Matrix4<double>>& split_space() const { return split_space_; }
   /// Or null.
   const MethodData* data() const { return data_.get(); }
@@ -60,6 +63,7 @@ class Layer {
   std::optional<std::vector<float>> mask_;
   std::optional<std::vector<float>> share_;
   std::shared_ptr<const Bends> bends_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> bent_pairs_;
   std::optional<Matrix4<double>> split_space_;
   std::shared_ptr<const MethodData> data_;
 };

@@ -77,20 +77,29 @@ Bends::Bends(std::span<const std::int64_t> vertices, std::span<const std::int64_
   for (std::size_t i = 0; i < vertices_.size(); ++i) {
     most_influences_ = std::max(most_influences_, static_cast<std::size_t>(offsets_[i + 1] - offsets_[i]));
   }
+}
+
+std::vector<std::pair<std::uint32_t, std::uint32_t>> Bends::joint_pairs() const {
   std::set<std::pair<std::int32_t, std::int32_t>> bone_pairs;
+  std::span<const std::int32_t> before;
   for (std::size_t i = 0; i < vertices_.size(); ++i) {
-    for (std::int64_t a = offsets_[i]; a < offsets_[i + 1]; ++a) {
-      for (std::int64_t b = offsets_[i]; b <= a; ++b) bone_pairs.insert(std::minmax(bones_[a], bones_[b]));
+    const auto own = std::span(bones_).subspan(offsets_[i], offsets_[i + 1] - offsets_[i]);
+    if (std::ranges::equal(own, before)) continue;  // most have the bones of the vertex beside them
+    before = own;
+    for (std::size_t a = 0; a < own.size(); ++a) {
+      for (std::size_t b = 0; b <= a; ++b) bone_pairs.insert(std::minmax(own[a], own[b]));
     }
   }
-  const auto last_of = [&](const Bone& bone) { return bone.first_joint + (bone.segments > 1 ? bone.segments : 0); };
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> found;
+  const auto last_of = [](const Bone& bone) { return bone.first_joint + (bone.segments > 1 ? bone.segments : 0); };
   for (const auto& [a, b] : bone_pairs) {
     const Bone &one = by_number_[a], &other = by_number_[b];
     for (std::int32_t j = one.first_joint; j <= last_of(one); ++j) {
       const std::int32_t end = a == b ? std::min(j + 1, last_of(other)) : last_of(other);
-      for (std::int32_t k = a == b ? j + 1 : other.first_joint; k <= end; ++k) joint_pairs_.emplace_back(j, k);
+      for (std::int32_t k = a == b ? j + 1 : other.first_joint; k <= end; ++k) found.emplace_back(j, k);
     }
   }
+  return found;
 }
 
 void Bends::split(std::size_t i, const Eigen::Vector3d& point, Split& split) const {

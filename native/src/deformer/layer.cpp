@@ -41,7 +41,9 @@ Layer::Layer(std::shared_ptr<const Skin> skin, SkinningMethod method, const Stre
       data_(std::move(data)) {
   check_rest_frames(rule, skin_->joint_count(), "");
   check_data(*skin_, method_, data_.get(), "");
-  if (bends_) check_bends(*bends_, *skin_);
+  if (!bends_) return;
+  check_bends(*bends_, *skin_);
+  if (refuses_half_turns_ && method_ == SkinningMethod::dual_quaternion) bent_pairs_ = bends_->joint_pairs();
 }
 
 }  // namespace sinew

@@ -56,7 +56,7 @@ void PosedLayer::pose(const Layer& own, const LayerPose& pose) {
   } else {
     prepare(*skin, own.method(), own.rule(), own.data(), stack, 0, palette);
   }
-  if (own.rule().refuses_half_turns && own.bends()) refuse_half_turns(own.bends()->joint_pairs(), palette);
+  refuse_half_turns(own.bent_pairs(), palette);
   palette.from_mesh.reset();
   if (space) palette.from_mesh = space->back;
 }
