@@ -49,11 +49,31 @@ def _layout() -> Any:
     return sinew_native.host.Described(own, [], [], lists)
 
 
+@functools.cache
+def _kinds() -> Any:
+    """Returns what is read of the bones for `kinds_of_constraints`."""
+    kind = contract.offset("bConstraint", "type"), contract.size("bConstraint", "type")
+    first = contract.offset("bPoseChannel", "constraints") + contract.offset("ListBase", "*first")
+    return sinew_native.host.Described([], [], [], [(first, sinew_native.host.Described([kind], [], [], []))])
+
+
+def kinds_of_constraints(ob: bpy.types.Object) -> Any:
+    """Returns a value that is equal at two times if the bones of an original armature object have constraints of the
+    same types."""
+    if not _can_read(ob):
+        return [[constraint.type for constraint in bone.constraints] for bone in ob.pose.bones]
+    return _kinds().bytes_of_list(ob.pose.bones[0].as_pointer())
+
+
 def read(ob: bpy.types.Object) -> bytes | None:
     """Returns bytes that are equal at two times if all settings of the pose of an original armature object are, and the
     addresses of what its constraints follow. None if they cannot be read, as with a constraint of another type."""
+    return _layout().bytes_of_list(ob.pose.bones[0].as_pointer()) if _can_read(ob) else None
+
+
+def _can_read(ob: bpy.types.Object) -> bool:
     if not contract.has(features.POSED) or not len(ob.pose.bones):
-        return None
+        return False
     if proof.is_due("constraints of poses"):
         bone = next((each for each in ob.pose.bones if len(each.constraints)), None)
         if bone is not None:
@@ -63,6 +83,6 @@ def read(ob: bpy.types.Object) -> bytes | None:
             place = first.as_pointer() + contract.offset("bConstraint", "type")
             if not is_there or ctypes.c_int16.from_address(place).value != _numbers()[first.type]:
                 contract.distrust(features.POSED, "the constraints of a bone are not where they were")
-                return None
+                return False
             proof.give("constraints of poses")
-    return _layout().bytes_of_list(ob.pose.bones[0].as_pointer())
+    return True

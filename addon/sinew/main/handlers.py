@@ -13,7 +13,7 @@ from ..chain import bone_editions
 from ..clips import posing
 from ..clips.clip_store import has_poses
 from ..feedback import notice
-from ..host import evaluations, graph_modes, places, switches
+from ..host import evaluations, graph_modes, places, pose_settings, switches
 from ..install import bind, canvases, deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
 from ..plan import canvas_survey, survey, ways, wiring
 from ..run import afterwards, characters, graph_copies, mail
@@ -32,6 +32,7 @@ _said: set[str] = set()  # errors of the timer that were logged
 _tails: dict[int, Any] = {}  # while a file is saved: key of a bound mesh -> situation.Tail
 # Key of an armature's data -> (number of the edition of its bones, if that is known, their names)
 _bones: dict[Any, tuple[int | None, list[str]]] = {}
+_constraints: dict[Any, Any] = {}  # by the key of an armature object, see _has_other_constraints
 # Whether the open file must still be taken over. The add-on may be enabled in an open file, and register() has no
 # access to the file's data.
 _is_file_unknown = True
@@ -147,12 +148,13 @@ def _follow_update(depsgraph):
     searching.note_edit()
     affected = characters.made_of(edits.keys)
     has_gathered, has_other_bones = _has_gathered(), _has_other_bones(edits.armatures)
+    has_other_constraints = _has_other_constraints(edits.rigs)
     if has_gathered:
         shared_group.follow()
         mail.post(canvases.remove_unused)
     may_lack = _has_other_members() or has_other_bones
     objects = characters.known() if may_lack or edits.of_collections else affected.values()
-    _note_edits(objects, affected, edits, may_lack)
+    _note_edits(objects, affected, edits, may_lack, has_other_constraints)
     _note_animation(characters.known() if edits.of_actions else affected.values())
     for armature in edits.armatures:
         posing.forget_if_edited(armature.original)
@@ -230,12 +232,14 @@ def on_undo_redo(*_: Any) -> None:
 def forget() -> None:
     characters.forget()
     _bones.clear()
+    _constraints.clear()
     forget_what_was_seen()
 
 
 def forget_what_was_seen() -> None:
     if not values.KEYS_OUTLIVE_UNDO:
         _bones.clear()
+        _constraints.clear()
     evaluations.forget()
     deformed_copies.forget()
     posing.forget()
@@ -255,6 +259,7 @@ class Edits:
     own_keys: set = field(default_factory=set)
     meshes: list = field(default_factory=list)  # (original mesh object, whether its geometry has changed)
     armatures: list = field(default_factory=list)  # evaluated armature data
+    rigs: list = field(default_factory=list)  # original armature objects
     vertex_parents: set = field(default_factory=set)  # keys of the objects whose vertices updated objects follow
 
     @classmethod
@@ -269,6 +274,8 @@ class Edits:
                 edits.armatures.append(block)
             elif isinstance(block, bpy.types.Object) and block.type == "MESH":
                 edits.meshes.append((block.original, update.is_updated_geometry))
+            elif isinstance(block, bpy.types.Object) and block.type == "ARMATURE":
+                edits.rigs.append(block.original)
             if isinstance(block, bpy.types.Object) and canvas_survey.is_parented_to_vertices(block):
                 edits.vertex_parents.add(values.key_of(block.parent))
         return edits
@@ -307,10 +314,21 @@ def _has_other_bones(armatures):
     return has_others
 
 
-def _note_edits(objects, affected, edits, may_lack):
+def _has_other_constraints(armatures):
+    """Whether the bones of an armature object have constraints of other types than at its last update. A solver changes
+    the order in which Blender evaluates bones."""
+    has_others = False
+    for ob in armatures:
+        key, now = values.key_of(ob), pose_settings.kinds_of_constraints(ob)
+        has_others |= _constraints.get(key) != now
+        _constraints[key] = now
+    return has_others
+
+
+def _note_edits(objects, affected, edits, may_lack, has_other_constraints):
     """Updates characters after edits, which may have applied or removed a modifier. affected: {key: object} of the
     objects of which some part was edited; may_lack: whether a driver may wait for something that no longer exists, or
-    may not wait for all that it should."""
+    may not wait for all that it should; has_other_constraints: see _has_other_constraints."""
     for key, ob in characters.made_of(edits.vertex_parents).items():
         if characters.of(ob).way.takes_all:
             mail.post(bind.rewire, key)
@@ -332,6 +350,9 @@ def _note_edits(objects, affected, edits, may_lack):
             entry.planning.should_revive(ob)
             or may_lack
             and not survey.waits_for_targets(ob, entry.plan)
+            or has_other_constraints
+            and key in affected
+            and not survey.waits_for_bones(ob, entry.plan)
             or is_updated
             and edits.of_collections
             and not entry.planning.waits_for_targets(ob)

@@ -291,6 +291,18 @@ def waits_for_targets(ob: bpy.types.Object, plan: plans.Plan) -> bool:
     return mends.waits_for(hook, (awaited_by(ob.modifiers[name]) for name in names))
 
 
+def waits_for_bones(ob: bpy.types.Object, plan: plans.Plan) -> bool:
+    """Whether the hook still waits for all bones by which the mesh moves, if only constraints were edited. True if
+    there is no hook at the plan's path. ob: original."""
+    curve = plan.hook_of(ob)
+    replaced = (ob.modifiers[name] for name in plan.replaced if name in ob.modifiers)
+    return curve is None or all(
+        wiring.still_waits(curve, each.object, None if each.use_bone_envelopes else ob.vertex_groups.keys())
+        for each in replaced
+        if each.type == "ARMATURE" and each.object is not None
+    )
+
+
 def may_go_on(ob: bpy.types.Object, plan: plans.Plan) -> bool:
     """Whether the plan's run would no longer end, after an edit of bones, at the Armature modifier at which it ends.
     ob: original."""

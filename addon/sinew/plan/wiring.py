@@ -13,6 +13,7 @@ and Blender's tools find the modifier that they look for.
 """
 
 from collections.abc import Collection, Iterable, Iterator
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import bpy
@@ -25,6 +26,7 @@ from . import driver_variables
 HOOK = "sinew.deform_now"
 CALLS = "deform"  # the variable that reads it
 CARRIER = "use_apply_on_spline"  # of a modifier: affects only curves
+SOLVERS = {"IK", "SPLINE_IK"}  # constraints that move a chain of bones
 SHOWS = ("show_viewport", "show_render")  # of a modifier
 BINDS = ("use_vertex_groups", "use_bone_envelopes")  # of an Armature modifier
 # The property of a mesh by which a hook waits for it. Blender resolves the path in the original too, when it builds
@@ -214,17 +216,31 @@ def bone_of(modifier: Any) -> str:
 def _bones(armature: bpy.types.Object, names: Collection[str] | None) -> Iterator[tuple[str, bpy.types.Object, str]]:
     """Yields the variables that wait for the deforming bones of these names.
 
-    All B-bones are among them, because their segments are evaluated last, and otherwise only bones with no other such
-    bone below them, because Blender evaluates the parents first. Each variable costs time on each frame, so a glove
-    does not wait for the feet.
+    All B-bones are among them, because their segments are evaluated last. Of the others, those are left out that are
+    evaluated before another such bone, see _before. Each variable costs time on each frame, so a glove does not wait
+    for the feet.
     """
     deforming = [bone for bone in armature.data.bones if bone.use_deform and (names is None or bone.name in names)]
-    above = {parent.name for bone in deforming for parent in bone.parent_recursive}
+    above = _before(armature, deforming)
     for bone in deforming:
         if bone.bbone_segments > 1:
             yield "OBJECT", armature, _segments_path(bone.name)
         elif bone.name not in above:
             yield "BONE", armature, bone.name
+
+
+def _before(armature: bpy.types.Object, bones: Iterable[bpy.types.Bone]) -> set[str]:
+    """Returns the names of those bones above these that Blender has evaluated whenever it has evaluated these. It is
+    not sure of the parents of what a solver moves: a whole chain is solved at once, and then each of its bones is
+    completed by itself."""
+    solved = {
+        name
+        for bone in (armature.pose.bones if armature.pose is not None else ())
+        if any(constraint.type in SOLVERS for constraint in bone.constraints)
+        for name in (bone.name, *(parent.name for parent in bone.parent_recursive))  # however long the chain is
+    }
+    lines = ([bone, *bone.parent_recursive] for bone in bones)
+    return {parent.name for line in lines for child, parent in pairwise(line) if child.name not in solved}
 
 
 def _segments_path(name: str) -> str:
@@ -337,12 +353,24 @@ def is_waiting_for(
     own = {name for owner, name in awaited if owner == key}
     bent = {bone.name for bone in bones if _segments_path(bone.name) in own}
     done = bent.union(name for name in own if name in bones)
-    done.update(parent.name for name in tuple(done) for parent in bones[name].parent_recursive)
+    done |= _before(armature, [bones[name] for name in done])
     return all(
         bone.name in (bent if bone.bbone_segments > 1 else done)
         for bone in bones
         if bone.use_deform and (names is None or bone.name in names)
     )
+
+
+def still_waits(hook: bpy.types.FCurve, armature: bpy.types.Object, groups: Collection[str] | None) -> bool:
+    """Whether a hook that was wired for an armature waits for all deforming bones of these names, although the armature
+    has other constraints by now. groups: see `hook_variables`, but weights are not needed."""
+    awaited, bones = waits_of(hook).awaited, armature.data.bones
+    if groups is not None:
+        key = values.key_of(armature)
+        waited = [bone for bone in bones if {(key, bone.name), (key, _segments_path(bone.name))} & awaited]
+        above = {parent.name for bone in waited for parent in bone.parent_recursive}
+        groups = above.intersection(groups)
+    return is_waiting_for(awaited, armature, groups)
 
 
 def wire(
