@@ -1,26 +1,28 @@
 """What Blender does in an evaluation, and what it does before that, from its own drawing of a dependency graph."""
 
 import re
+import tempfile
+from pathlib import Path
 
-_WHOLE = re.compile(r'^graph \[.*label="(.*?) (?:\(orig|: \()')
+from helpers import addon_module
+
+_WHOLE = re.compile(r'^graph \[.*label="(?:ID_REF : .* \(orig: (\w+)|(.*?) : \()')
 _OPERATION = re.compile(r'^"(\d+)" \[color="black", label="(.*)", shape="box"')
 _RELATION = re.compile(r'^"(\d+)" -> "(\d+)"')
 
 
 class Relations:
-    """operations: {(data-block after two letters of its type, component, operation)}."""
+    """operations: {(address of an original data-block, component, operation)}. The names of data-blocks may be old."""
 
-    def __init__(self, graph, path):
-        """path: of a file for the drawing."""
+    def __init__(self, graph):
         self._numbers, self._before, around = {}, {}, []
-        _draw(graph, path)
-        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        for line in _drawing(graph).splitlines():
             if line.startswith("subgraph"):
                 around.append("")
             elif line == "}" and around:
                 around.pop()
             elif found := _WHOLE.match(line):
-                around[-1:] = [found[1].removeprefix("ID_REF : ")]
+                around[-1:] = [int(found[1], 16) if found[1] else found[2]]
             elif found := _OPERATION.match(line):
                 self._numbers[(*around, found[2].replace("\\", ""))] = found[1]
             elif found := _RELATION.match(line):
@@ -28,7 +30,7 @@ class Relations:
         self.operations = set(self._numbers)
 
     def before(self, operation):
-        """Those that are done before one of them."""
+        """Those that are done before one of them. Blender adds backslashes to names; they are left out here."""
         reached, waiting = set(), [self._numbers[operation]]
         while waiting:
             found = self._before.get(waiting.pop(), set()) - reached
@@ -37,8 +39,35 @@ class Relations:
         return {key for key, number in self._numbers.items() if number in reached}
 
 
-def _draw(graph, path):
-    try:
-        graph.debug_relations_graphviz(filepath=str(path))
-    except TypeError:  # before 5.0
-        graph.debug_relations_graphviz(str(path))
+def _drawing(graph):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "relations.dot"
+        try:
+            graph.debug_relations_graphviz(filepath=str(path))
+        except TypeError:  # before 5.0
+            graph.debug_relations_graphviz(str(path))
+        return path.read_text(encoding="utf-8", errors="replace")
+
+
+def bones_not_awaited(graph):
+    """The bones that a mesh which Sinew deforms moves by, but that may be evaluated after it: [(mesh, bone)]."""
+    characters, wiring = addon_module("run.characters"), addon_module("plan.wiring")
+    relations, found = None, []
+    for ob in characters.known():
+        entry = characters.of(ob)
+        armatures = [ob.modifiers[name].object for name in entry.plan.replaced if ob.modifiers[name].type == "ARMATURE"]
+        hook = entry.plan.hook_of(ob)
+        if not entry.is_deforming or not armatures or hook is None or not ob.evaluated_get(graph).is_evaluated:
+            continue
+        relations = relations or Relations(graph)
+        driver = f"DRIVER({hook.data_path})".replace("\\", "")
+        done = relations.before((ob.as_pointer(), "[Parameters Component]", driver))
+        names = wiring.weighted_groups(ob)
+        for armature in armatures:
+            for bone in armature.data.bones:
+                last = "BONE_DONE()" if bone.bbone_segments == 1 else "BONE_SEGMENTS()"
+                operation = armature.as_pointer(), f"[Bone Component] '{bone.name}'", last
+                assert operation in relations.operations
+                if bone.name in names and bone.use_deform and operation not in done:
+                    found.append((ob.name, bone.name))
+    return found

@@ -399,6 +399,19 @@ def test_drivers_of_bones_that_are_not_there_are_refused(armature, is_own):
     assert "has no bone gone: choose another one" in refusal(armature)
 
 
+def test_invalid_drivers_of_what_is_keyed_are_refused(armature):
+    """After a file was opened, their values are there on the first frame, and then those of the keyframes."""
+    bone = armature.pose.bones["b"]
+    driver = bone.driver_add("location", 0).driver
+    driver.type, driver.variables.new().targets[0].data_path = "SUM", "location.y"
+    bpy.context.scene.frame_set(2)
+    assert not driver.is_valid and differences(armature) == []
+    bone.keyframe_insert("location", frame=1, index=1)
+    assert differences(armature) == []
+    bone.keyframe_insert("location", frame=1, index=0)
+    assert 'the driver of pose.bones["b"].location: it is invalid, and keyframes set the same' in refusal(armature)
+
+
 def test_the_place_of_the_armature_in_local_space_is_refused(armature):
     driver = armature.pose.bones["b"].driver_add("location", 0).driver
     driver.type = "SUM"

@@ -115,6 +115,8 @@ def look(listener, random):
     compare.assert_alike()
     compare.addon_module("main.handlers").look_into_the_mail()
     compare.assert_copies_follow()
+    if random.random() < 0.3:
+        compare.assert_bones_are_awaited()
     if random.random() < 0.6:
         frozen_steps.wait()
     if random.random() < 0.6:
