@@ -57,7 +57,7 @@ def bones_not_awaited(graph):
         entry = characters.of(ob)
         armatures = [ob.modifiers[name].object for name in entry.plan.replaced if ob.modifiers[name].type == "ARMATURE"]
         hook = entry.plan.hook_of(ob)
-        if not entry.is_deforming or not armatures or hook is None or not ob.evaluated_get(graph).is_evaluated:
+        if not armatures or hook is None or wiring.waits_for_nothing(hook) or not ob.evaluated_get(graph).is_evaluated:
             continue
         relations = relations or Relations(graph)
         driver = f"DRIVER({hook.data_path})".replace("\\", "")
@@ -67,7 +67,8 @@ def bones_not_awaited(graph):
             for bone in armature.data.bones:
                 last = "BONE_DONE()" if bone.bbone_segments == 1 else "BONE_SEGMENTS()"
                 operation = armature.as_pointer(), f"[Bone Component] '{bone.name}'", last
-                assert operation in relations.operations
-                if bone.name in names and bone.use_deform and operation not in done:
+                # A bone that was renamed has its old name until Blender builds relations.
+                is_known = operation in relations.operations
+                if bone.name in names and bone.use_deform and is_known and operation not in done:
                     found.append((ob.name, bone.name))
     return found

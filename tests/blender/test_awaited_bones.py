@@ -8,7 +8,7 @@ import pytest
 from mathutils import Vector
 
 from characters import accelerate, make_armature, make_mesh, make_tube
-from helpers import depsgraph, evaluated, is_deforming, select, twin_of
+from helpers import addon_module, depsgraph, evaluated, is_deforming, select, twin_of
 from relations_of_blender import bones_not_awaited
 
 
@@ -75,6 +75,14 @@ def test_a_constraint_that_is_added_and_one_that_gets_longer(character, kind):
     armature.pose.bones["bone4"].constraints.remove(constraint)
     assert missed() == []
     assert is_deforming(ob)
+
+
+def test_what_is_missed_would_be_noticed(character, monkeypatch):
+    ob, armature = character
+    constrain(armature, "bone4", "IK", 3, target=target_of("IK"))
+    monkeypatch.setattr(addon_module("plan.wiring"), "SOLVERS", set())
+    accelerate(ob)
+    assert missed() == [(ob.name, "bone2"), (ob.name, "bone3")]
 
 
 def random_rig(random):
