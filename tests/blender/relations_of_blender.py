@@ -55,9 +55,11 @@ def bones_not_awaited(graph):
     relations, found = None, []
     for ob in characters.known():
         entry = characters.of(ob)
-        armatures = [ob.modifiers[name].object for name in entry.plan.replaced if ob.modifiers[name].type == "ARMATURE"]
+        modifiers = [each for each in ob.modifiers if each.name in entry.plan.replaced and each.type == "ARMATURE"]
+        armatures = [each.object for each in modifiers if each.object is not None]
         hook = entry.plan.hook_of(ob)
-        if not armatures or hook is None or wiring.waits_for_nothing(hook) or not ob.evaluated_get(graph).is_evaluated:
+        is_deforming = entry.is_deforming and hook is not None and not wiring.waits_for_nothing(hook)
+        if not is_deforming or not armatures or not ob.evaluated_get(graph).is_evaluated:
             continue
         relations = relations or Relations(graph)
         driver = f"DRIVER({hook.data_path})".replace("\\", "")

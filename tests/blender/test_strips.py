@@ -246,8 +246,17 @@ def test_it_is_posed_and_not_built_again(strips, monkeypatch):
     assert strips.rig.is_frozen and not built
 
 
-def test_what_is_not_keyed_is_kept(strips):
-    """While it is read and compared, and it is not taken for a wrong program."""
+@pytest.mark.parametrize("follows", (False, True))
+def test_what_is_not_keyed_is_kept(strips, follows):
+    """While it is read and compared, and it is not taken for a wrong program. follows: an object with keyframes."""
+    if follows:
+        wheel = bpy.data.objects.new("Wheel", None)
+        strips.scene.collection.objects.link(wheel)
+        for frame in (1, 10):
+            wheel.location.x = frame
+            wheel.keyframe_insert("location", frame=frame)
+        for armature, *_ in both(strips):
+            armature.pose.bones["bone3"].constraints.new("COPY_LOCATION").target = wheel
     strips.scene.frame_set(4)
     move(strips, 0.5)
     before = strips.rig.ob.pose.bones["bone1"].location.copy()

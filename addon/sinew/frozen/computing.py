@@ -18,7 +18,7 @@ import numpy as np
 from ..blender import animation
 from ..host import evaluations, poses
 from ..native import sinew_native
-from ..rig_programs import curves, driven_keys, edits, paths, reading, strips
+from ..rig_programs import curves, driven_keys, edits, objects, paths, reading, strips
 from . import changes, differences, followers, leading, rigs, settings, watch
 from .followers import Followers
 from .rigs import Source
@@ -68,7 +68,7 @@ def unkeyed_path(rig: rigs.Rig, frame: float) -> str:
     program = rig.source.program
     if program is None or not strips.play(rig.ob):
         return animation.unkeyed_path(rig.ob, frame)
-    names = sorted(set(program.keyed) - set(program.driven))
+    names = sorted(name for name in set(program.keyed) - set(program.driven) if not objects.is_of_other(name))
     try:
         keyed = program.values(np.array([frame], np.float32), names)[0].tolist()
         return next((name for name, value in zip(names, keyed) if float(rig.ob.path_resolve(name)) != value), "")

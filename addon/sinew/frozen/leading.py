@@ -13,13 +13,21 @@ from ..rig_programs import curves, drivers, objects, paths, targets
 from . import followers, rigs
 
 
+class Bone(NamedTuple):
+    """A bone of a leader whose matrix is given."""
+
+    number: int  # in the order of the pose
+    read_as: targets.ReadAs | None  # how else than as a world matrix
+    along: float  # see Targets.along
+    length: float
+
+
 class Leader(NamedTuple):
     """A rig that another one follows, and what the program of that one is given of it, by name."""
 
     rig: rigs.Rig
     world: np.ndarray  # (4, 4) float32, where it stands
-    # Of bones whose matrices are given: the number in the order of the pose, and what else than a world matrix is read.
-    bones: dict[str, tuple[int, targets.ReadAs | None]]
+    bones: dict[str, Bone]
     numbers: dict[str, str]  # paths of numbers
 
 
@@ -52,13 +60,15 @@ def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Out
         if bone and is_led[block] and read.read_as.get(name) == targets.BASIS:
             raise curves.Refused(f"{ob.name} reads {bone} of {block.name}, which moves, in transform space")
         if bone and is_led[block]:
-            leader(block).bones[name] = block.pose.bones.find(bone), read.read_as.get(name)
+            bones = block.pose.bones
+            if (number := bones.find(bone)) < 0:
+                raise curves.Refused(f"{ob.name} follows a bone that is not there")
+            length = bones[number].bone.length
+            leader(block).bones[name] = Bone(number, read.read_as.get(name), read.along.get(name, 0), length)
     for name, (block, path) in numbers.read.items():
         path = paths.normalised(path)
         if is_led.get(block) and path.startswith(animated[block]):
             leader(block).numbers[name] = path
-    if any(number < 0 for each in found.values() for number, _read_as in each.bones.values()):
-        raise curves.Refused(f"{ob.name} follows a bone that is not there")
     return tuple(found.values())
 
 
@@ -132,14 +142,18 @@ def _given(leader: Leader, frames: Sequence[float]) -> Iterator[tuple[str, np.nd
         given = inputs(leader.rig, frames)
     is_known = None not in moments
     found = np.array([poses.matrices_in(each.pose) for each in moments]) if is_known else program.evaluate(times, given)
-    for read_as in dict.fromkeys(read_as for _number, read_as in leader.bones.values()):
-        own = {name: number for name, (number, each) in leader.bones.items() if each == read_as}
+    for read_as, along in dict.fromkeys((each.read_as, each.along) for each in leader.bones.values()):
+        own = {name: each for name, each in leader.bones.items() if (each.read_as, each.along) == (read_as, along)}
+        numbers, lengths = [each.number for each in own.values()], [each.length for each in own.values()]
+        posed = targets.moved_along(found[:, numbers], lengths, along)  # (F, bones, 4, 4)
         if read_as is None or read_as == targets.HEAD:
-            posed = found[:, list(own.values())].swapaxes(0, 1)  # (bones, F, 4, 4)
-            yield from zip(own, targets.multiplied(leader.world, posed, read_as == targets.HEAD))
-        elif program is None:
+            yield from zip(own, targets.multiplied(leader.world, posed.swapaxes(0, 1), read_as == targets.HEAD))
+            continue
+        if program is None:
             raise Unknown(f"{leader.rig.name}, which it follows, is not computed")
-        else:
-            yield from ((name, program.convert(found, number, *read_as)) for name, number in own.items())
+        moved = found.copy() if along else found
+        if along:
+            moved[:, numbers] = posed
+        yield from ((name, program.convert(moved, number, *read_as)) for name, number in zip(own, numbers))
     if leader.numbers:
         yield from zip(leader.numbers, program.values(times, list(leader.numbers.values()), given).T)

@@ -8,9 +8,11 @@ from typing import Any
 
 import bpy
 
-from . import curves, splines, tables, targets
+from ..blender import animation
+from . import curves, paths, splines, tables, targets
 
 WORLD, CUSTOM = 0, 5  # spaces, as Blender numbers them
+LEAST_ALONG = 1e-6  # Blender takes less for the head
 _SPACES = {1: "LOCAL", 2: "POSE", 3: "LOCAL_WITH_PARENT"}  # into which Object.convert_space converts
 _of_target = attrgetter("target", "subtarget", "weight")
 
@@ -90,10 +92,11 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
         row |= {"spline": curve.name_full, "joints": [*constraint.joint_bindings]}
     elif hasattr(constraint, "target"):
         bone_name, space = getattr(constraint, "subtarget", ""), _SPACES.get(settings["target_space"])
-        target = found.of(constraint.target, bone_name, ("WORLD", space) if space else None)
+        along = _along(constraint, bone_name, found) if "head_tail" in settings else 0
+        target = found.of(constraint.target, bone_name, ("WORLD", space) if space else None, along)
         if target and "outside" in target:
-            if settings.get("head_tail", 0) > 0:
-                raise curves.Refused("a place along a bone of another armature is not covered: set Head/Tail to 0")
+            if along:
+                settings["head_tail"] = 0.0  # the matrix that is given is there
             if space:
                 settings["target_space"] = WORLD  # the matrix that is given is in that space
             elif bone_name and settings["target_space"] not in (WORLD, CUSTOM):
@@ -110,6 +113,21 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
     if kind == "ACTION":
         row["action"] = list(action_channels(bone, constraint, found))
     return row
+
+
+def _along(constraint: Any, bone: str, found: targets.Targets) -> float:
+    """Returns how far from its head to its tail a constraint looks at a bone of another armature; 0 for others. Raises
+    Refused."""
+    target = constraint.target
+    if target in (None, found.ob) or not bone:
+        return 0
+    path = f"{constraint.path_from_id()}.head_tail"
+    if any(paths.normalised(each) == paths.normalised(path) for each in animation.animated_paths(found.ob)):
+        raise curves.Refused("an animated place along a bone of another armature is not covered")
+    along = constraint.head_tail if constraint.head_tail >= LEAST_ALONG else 0
+    if along and constraint.use_bbone_shape and target.data.bones[bone].bbone_segments > 1:
+        raise curves.Refused("a place along a B-bone of another armature is not covered: turn Follow B-Bone off")
+    return along
 
 
 def action_channels(bone: str, constraint: bpy.types.Constraint, found: targets.Targets) -> Iterator[dict[str, Any]]:

@@ -9,6 +9,7 @@ import bpy
 from ..blender import animation, dependencies
 from . import curves, paths, properties, tables
 
+_START = 'objects["'
 # In the order of a description; there is no delta of an axis and an angle.
 _CHANNELS = tuple(tables.CHANNELS)
 _DELTAS = ("delta_location", "delta_rotation_quaternion", "", "delta_rotation_euler", "delta_scale")
@@ -65,6 +66,11 @@ class Animated(NamedTuple):
         return self.place if paths.moves_object(path) else path.startswith(tuple(self.properties))
 
 
+def is_of_other(path: str) -> bool:
+    """Whether a path in a description is of another object."""
+    return path.startswith(_START)
+
+
 def path_of(ob: bpy.types.Object, path: str) -> str:
     """Returns where a description has a property of another object."""
     return f"{_start_of(ob)}.{path}" if paths.moves_object(path) else _start_of(ob) + path
@@ -89,7 +95,7 @@ def _is_custom(path: str) -> bool:
 
 
 def _start_of(ob: bpy.types.Object) -> str:
-    return f'objects["{bpy.utils.escape_identifier(ob.name_full)}"]'
+    return f'{_START}{bpy.utils.escape_identifier(ob.name_full)}"]'
 
 
 def _keyed(ob: bpy.types.Object) -> list[dict[str, Any]]:

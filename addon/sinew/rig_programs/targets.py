@@ -25,13 +25,17 @@ class Targets:
         self.bones = set(ob.pose.bones.keys())
         self.outside: dict[str, tuple[bpy.types.Object, str]] = {}  # object and bone by name
         self.read_as: dict[str, ReadAs] = {}  # those of them that are not read as world matrices
+        self.along: dict[str, float] = {}  # bones of which another place than the head is read: 1 is the tail
         self.moving: dict[str, bpy.types.Object] = {}  # those whose matrices the program computes, and their parents
         self.splines: dict[str, bpy.types.Object] = {}  # curves that Spline IK follows
         self.refused: list[str] = []
         self._actions: dict[tuple[str, int], dict[str, list[Channel]]] = {}
 
-    def of(self, target: bpy.types.Object | None, bone: str, read_as: ReadAs | None = None) -> Target:
-        """Returns what a description says of a target. Raises Refused for what has no matrix."""
+    def of(
+        self, target: bpy.types.Object | None, bone: str, read_as: ReadAs | None = None, along: float = 0
+    ) -> Target:
+        """Returns what a description says of a target. along: see Targets.along, of those outside the rig. Raises
+        Refused for what has no matrix."""
         if target is None:
             return None
         if target == self.ob:
@@ -44,6 +48,9 @@ class Targets:
         if read_as is not None:
             name += "/" + "/".join(read_as)
             self.read_as[name] = read_as
+        if along:
+            name += f"/{along}"
+            self.along[name] = along
         self.outside.setdefault(name, (target, bone))
         return {"outside": name}
 
@@ -75,12 +82,17 @@ class Targets:
         """Returns the present matrices from outside that are not computed, each 4 x 4."""
         given = {name: each for name, each in self.outside.items() if each[1] or each[0].name_full not in self.moving}
         return {
-            name: matrix_of(target, bone, depsgraph, self.read_as.get(name)) for name, (target, bone) in given.items()
+            name: matrix_of(target, bone, depsgraph, self.read_as.get(name), self.along.get(name, 0))
+            for name, (target, bone) in given.items()
         }
 
 
 def matrix_of(
-    target: bpy.types.Object, bone: str, depsgraph: bpy.types.Depsgraph | None, read_as: ReadAs | None = None
+    target: bpy.types.Object,
+    bone: str,
+    depsgraph: bpy.types.Depsgraph | None,
+    read_as: ReadAs | None = None,
+    along: float = 0,
 ) -> np.ndarray:
     evaluated = target if depsgraph is None else target.evaluated_get(depsgraph)
     posed: Any = evaluated.pose.bones[bone] if bone else None
@@ -88,7 +100,8 @@ def matrix_of(
         return np.array((posed or evaluated).matrix_basis, np.float32)
     in_world = np.array(evaluated.matrix_world, np.float32)
     if posed is not None:
-        in_world = multiplied(in_world, np.array(posed.matrix, np.float32), read_as == HEAD)
+        pose = moved_along(np.array(posed.matrix, np.float32), posed.bone.length, along)
+        in_world = multiplied(in_world, pose, read_as == HEAD)
     if read_as is None or read_as == HEAD:
         return in_world
     start, to = read_as
@@ -101,3 +114,14 @@ def multiplied(a: np.ndarray, b: np.ndarray, is_head: bool = False) -> np.ndarra
     that in which it moves a point."""
     terms = [a[:, k, None] * b[..., k, None, :] for k in range(4)]
     return ((terms[0] + terms[1]) + terms[2]) + terms[3] if is_head else (terms[0] + terms[1]) + (terms[2] + terms[3])
+
+
+def moved_along(poses: np.ndarray, lengths: Any, along: float) -> np.ndarray:
+    """Returns the poses of bones, (..., 4, 4) float32, from their heads towards their tails, in Blender's steps. lengths:
+    of the bones, (...); along: see Targets.along."""
+    if not along:
+        return poses
+    moved, heads = poses.copy(), poses[..., :3, 3]
+    tails = heads + poses[..., :3, 1] * np.float32(lengths)[..., None]
+    moved[..., :3, 3] = (np.float32(1) - np.float32(along)) * heads + np.float32(along) * tails
+    return moved
