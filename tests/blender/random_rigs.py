@@ -263,7 +263,7 @@ def add_constraint(ob, number, source):
         if target[0] != ob and constraint.target_space not in covered:
             constraint.target_space = "WORLD"
     if target[0] != ob and hasattr(constraint, "head_tail"):
-        constraint.head_tail = 0
+        constraint.use_bbone_shape = False
     constraint.influence = source.choice((1, 1, source.random()))
     constraint.mute = source.random() < 0.05
 

@@ -492,6 +492,34 @@ def test_bones_of_other_armatures_in_all_spaces(armature, other, kind, space):
     assert differences(armature) == []
 
 
+@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize("kind", ("COPY_LOCATION", "COPY_TRANSFORMS", "DAMPED_TRACK", "STRETCH_TO", "LIMIT_DISTANCE"))
+def test_places_along_bones_of_other_armatures(armature, other, kind, space):
+    armature.location, armature.rotation_euler = (1, 2, 3), (0.3, -0.2, 0.1)
+    for bone, along in zip(other.pose.bones, (0.3, 1, 0.77, 1e-7, 0, 0.5), strict=True):
+        constraint = armature.pose.bones["b"].constraints.new(kind)
+        constraint.target, constraint.subtarget, constraint.influence = other, bone.name, 0.4
+        constraint.target_space, constraint.head_tail = space if kind.startswith("COPY") else "WORLD", along
+        if constraint.target_space == "CUSTOM":
+            constraint.space_object, constraint.space_subtarget = armature, "a"
+    bpy.context.view_layer.update()
+    assert differences(armature) == []
+
+
+def test_places_along_bones_of_other_armatures_that_are_refused(armature, other):
+    constraint = armature.pose.bones["b"].constraints.new("COPY_LOCATION")
+    constraint.target, constraint.subtarget = other, "bone1"
+    constraint.head_tail, constraint.use_bbone_shape = 0.5, True
+    assert differences(armature) == []
+    other.data.bones["bone1"].bbone_segments = 4
+    assert "a place along a B-bone of another armature is not covered" in refusal(armature)
+    constraint.use_bbone_shape = False
+    assert differences(armature) == []
+    constraint.head_tail = 0
+    constraint.keyframe_insert("head_tail", frame=1)
+    assert "an animated place along a bone of another armature is not covered" in refusal(armature)
+
+
 @pytest.mark.parametrize("space", ("WORLD_SPACE", "LOCAL_SPACE", "TRANSFORM_SPACE"))
 @pytest.mark.parametrize("channel", ("LOC_X", "LOC_Z", "ROT_X", "ROT_Y", "ROT_W", "SCALE_Y", "SCALE_AVG", "far"))
 def test_drivers_of_bones_of_other_armatures(armature, other, channel, space):

@@ -48,6 +48,8 @@ def follow(armature, leader):
     add(armature, "COPY_ROTATION", leader, "bone1", "bone2", target_space="LOCAL", owner_space="LOCAL", mix_mode="ADD")
     add(armature, "COPY_LOCATION", leader, "bone3", "side", target_space="POSE", influence=0.3)
     add(armature, "COPY_SCALE", leader, "side", "bone3", target_space="LOCAL_WITH_PARENT", influence=0.5)
+    add(armature, "COPY_LOCATION", leader, "bone1", "bone4", head_tail=1, influence=0.2)
+    add(armature, "COPY_TRANSFORMS", leader, "side", "bone0", head_tail=0.6, target_space="POSE", influence=0.3)
     drive(armature, ("scale", 2), leader, bone_target="side", transform_type="ROT_Z", transform_space="LOCAL_SPACE")
     far = drive(armature, ("scale", 1), leader, bone_target="bone2")
     far.type, far.targets[1].id, far.targets[1].bone_target = "LOC_DIFF", armature, "bone1"

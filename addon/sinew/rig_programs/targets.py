@@ -31,9 +31,7 @@ class Targets:
         self.refused: list[str] = []
         self._actions: dict[tuple[str, int], dict[str, list[Channel]]] = {}
 
-    def of(
-        self, target: bpy.types.Object | None, bone: str, read_as: ReadAs | None = None, along: float = 0
-    ) -> Target:
+    def of(self, target: bpy.types.Object | None, bone: str, read_as: ReadAs | None = None, along: float = 0) -> Target:
         """Returns what a description says of a target. along: see Targets.along, of those outside the rig. Raises
         Refused for what has no matrix."""
         if target is None:
@@ -44,13 +42,12 @@ class Targets:
             raise curves.Refused(f"it looks at the vertices {bone} of {target.name}, which is not covered")
         if bone and bone not in target.pose.bones:  # so that Blender does not know what to evaluate first
             raise curves.Refused(f"{target.name} has no bone {bone}: choose another one")
-        name = f"{target.name_full}/{bone}" if bone else target.name_full
-        if read_as is not None:
-            name += "/" + "/".join(read_as)
-            self.read_as[name] = read_as
+        parts = (target.name_full, *filter(None, (bone, along)), *(read_as or ()))
+        name = "/".join(map(str, parts))
         if along:
-            name += f"/{along}"
             self.along[name] = along
+        if read_as is not None:
+            self.read_as[name] = read_as
         self.outside.setdefault(name, (target, bone))
         return {"outside": name}
 
