@@ -50,6 +50,7 @@ def assert_alike():
 
 def assert_bones_are_awaited():
     """By each mesh that Sinew deforms. Which one is missed would be seen only now and then."""
+    bpy.context.view_layer.update()  # the mail may have changed a hook
     missed = bones_not_awaited(depsgraph())
     assert not missed, f"(mesh, bone that it does not wait for) {missed}"
 

@@ -68,6 +68,8 @@ def add_modifier(random, ob):
     if kind in {"HOOK", "MULTIRES"} and not is_evaluated(ob):
         return  # Blender puts it before Sinew's, which is mended when the mesh is evaluated
     modifier = ob.modifiers.new(name, kind)
+    if modifier is None:
+        return  # an object has only one such as Collision
     set_modifier(random, ob, modifier)
     if kind in BINDING and random.random() < 0.7:
         first = one_of(random, ob, "ARMATURE")
