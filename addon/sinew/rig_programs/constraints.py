@@ -8,7 +8,6 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation
 from . import curves, paths, splines, tables, targets
 
 WORLD, CUSTOM = 0, 5  # spaces, as Blender numbers them
@@ -118,16 +117,15 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
 def _along(constraint: Any, bone: str, found: targets.Targets) -> float:
     """Returns how far from its head to its tail a constraint looks at a bone of another armature; 0 for others. Raises
     Refused."""
-    target = constraint.target
-    if target in (None, found.ob) or not bone:
+    if constraint.target in (None, found.ob) or not bone:
         return 0
-    path = f"{constraint.path_from_id()}.head_tail"
-    if any(paths.normalised(each) == paths.normalised(path) for each in animation.animated_paths(found.ob)):
+    if paths.normalised(f"{constraint.path_from_id()}.head_tail") in found.animated:
         raise curves.Refused("an animated place along a bone of another armature is not covered")
-    along = constraint.head_tail if constraint.head_tail >= LEAST_ALONG else 0
-    if along and constraint.use_bbone_shape and target.data.bones[bone].bbone_segments > 1:
+    if constraint.head_tail < LEAST_ALONG:
+        return 0
+    if constraint.use_bbone_shape:
         raise curves.Refused("a place along a B-bone of another armature is not covered: turn Follow B-Bone off")
-    return along
+    return float(constraint.head_tail)
 
 
 def action_channels(bone: str, constraint: bpy.types.Constraint, found: targets.Targets) -> Iterator[dict[str, Any]]:

@@ -1,11 +1,13 @@
 """What constraints and drivers look at: targets, and actions."""
 
+from functools import cached_property
 from typing import Any
 
 import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..blender import animation
 from . import curves, paths
 
 Target = dict[str, Any] | None
@@ -30,6 +32,11 @@ class Targets:
         self.splines: dict[str, bpy.types.Object] = {}  # curves that Spline IK follows
         self.refused: list[str] = []
         self._actions: dict[tuple[str, int], dict[str, list[Channel]]] = {}
+
+    @cached_property
+    def animated(self) -> set[str]:
+        """The paths of all that drivers and keyframes of the rig's object set."""
+        return set(map(paths.normalised, animation.animated_paths(self.ob)))
 
     def of(self, target: bpy.types.Object | None, bone: str, read_as: ReadAs | None = None, along: float = 0) -> Target:
         """Returns what a description says of a target. along: see Targets.along, of those outside the rig. Raises
@@ -114,11 +121,11 @@ def multiplied(a: np.ndarray, b: np.ndarray, is_head: bool = False) -> np.ndarra
 
 
 def moved_along(poses: np.ndarray, lengths: Any, along: float) -> np.ndarray:
-    """Returns the poses of bones, (..., 4, 4) float32, from their heads towards their tails, in Blender's steps. lengths:
-    of the bones, (...); along: see Targets.along."""
+    """Returns the poses of bones, (..., 4, 4) float32, moved from their heads towards their tails, in Blender's steps.
+    lengths: of the bones, (...); along: see Targets.along."""
     if not along:
         return poses
     moved, heads = poses.copy(), poses[..., :3, 3]
-    tails = heads + poses[..., :3, 1] * np.float32(lengths)[..., None]
+    tails = heads + poses[..., :3, 1] * np.asarray(lengths, np.float32)[..., None]
     moved[..., :3, 3] = (np.float32(1) - np.float32(along)) * heads + np.float32(along) * tails
     return moved
