@@ -8,7 +8,7 @@ import pytest
 from mathutils import Vector
 
 from characters import accelerate, make_armature, make_mesh, make_tube
-from helpers import addon_module, depsgraph, evaluated, is_deforming, select, twin_of
+from helpers import addon_module, depsgraph, evaluated, into_a_shot, is_deforming, select, twin_of
 from relations_of_blender import bones_not_awaited
 
 
@@ -83,6 +83,33 @@ def test_what_is_missed_would_be_noticed(character, monkeypatch):
     monkeypatch.setattr(addon_module("plan.wiring"), "SOLVERS", set())
     accelerate(ob)
     assert missed() == [(ob.name, "bone2"), (ob.name, "bone3")]
+
+
+@pytest.mark.parametrize("overridden", (False, True))
+def test_a_library_that_was_saved_when_bones_were_missed(character, tmp_path, monkeypatch, overridden):
+    ob, armature = character
+    constrain(armature, "bone4", "IK", 3, target=target_of("IK"))
+    collection = bpy.data.collections.new("Character")
+    bpy.context.scene.collection.children.link(collection)
+    for each in ob, armature, twin_of(ob):
+        collection.objects.link(each)
+    with monkeypatch.context() as before:
+        before.setattr(addon_module("plan.wiring"), "SOLVERS", set())
+        accelerate(ob)
+        scene = into_a_shot(tmp_path, overridden)
+    scene.frame_set(2)
+    ob, twin = (next(each for each in scene.objects if each.name == name) for name in ("Tube", "Tube.001"))
+    assert np.abs(evaluated(ob) - evaluated(twin)).max() < 1e-5
+    assert missed() == [] and is_deforming(ob) == overridden
+    if not overridden:
+        assert "open the library once, and save it" in addon_module("run.characters").character(ob).way.reason
+    updates = []
+    bpy.app.handlers.depsgraph_update_post.append(lambda *_: updates.append(1))
+    for _ in range(2):
+        updates.clear()
+        addon_module("main.handlers").look_into_the_mail()
+        bpy.context.view_layer.update()
+    assert not updates  # nothing is tried again and again
 
 
 def random_rig(random):

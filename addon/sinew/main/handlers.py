@@ -352,7 +352,7 @@ def _note_edits(objects, affected, edits, may_lack, has_other_constraints):
             and not survey.waits_for_targets(ob, entry.plan)
             or has_other_constraints
             and key in affected
-            and not survey.waits_for_bones(ob, entry.plan)
+            and not survey.waits_for_bones(ob, entry.plan.hook_of(ob), entry.plan.replaced)
             or is_updated
             and edits.of_collections
             and not entry.planning.waits_for_targets(ob)

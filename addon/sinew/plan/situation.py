@@ -139,6 +139,7 @@ class Situation:
     wants_more: bool = False  # it uses something that Blender's modifiers cannot do, or do slowly
     has_attribute: bool = False  # the mesh has the attribute of deformed positions
     is_linked: bool = False
+    misses_bones: bool = False  # it is linked, and its hook does not wait for all bones by which the mesh moves
     is_mesh_linked: bool = False
     is_canvas_slow: bool = False  # in this version of Blender, slower than the Armature modifier
     may_be_single_user: bool = True  # it can be given its own copy of its mesh

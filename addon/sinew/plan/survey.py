@@ -96,6 +96,7 @@ def _read(
         wants_more=wants_more(original.sinew),
         has_attribute=meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE) is not None,
         is_linked=original.library is not None,
+        misses_bones=original.library is not None and not waits_for_bones(original, wiring.find_hook(original), names),
         is_mesh_linked=mesh.library is not None,
         is_canvas_slow=values.VERSION < (4, 0, 0),
         may_be_single_user=may_be_single_user(original),
@@ -291,14 +292,13 @@ def waits_for_targets(ob: bpy.types.Object, plan: plans.Plan) -> bool:
     return mends.waits_for(hook, (awaited_by(ob.modifiers[name]) for name in names))
 
 
-def waits_for_bones(ob: bpy.types.Object, plan: plans.Plan) -> bool:
-    """Whether the hook still waits for all bones by which the mesh moves, if only constraints were edited. True if
-    there is no hook at the plan's path. ob: original."""
-    curve = plan.hook_of(ob)
-    replaced = (ob.modifiers[name] for name in plan.replaced if name in ob.modifiers)
-    return curve is None or all(
-        wiring.still_waits(curve, each.object, None if each.use_bone_envelopes else ob.vertex_groups.keys())
-        for each in replaced
+def waits_for_bones(ob: bpy.types.Object, hook: Any, names: Iterable[str]) -> bool:
+    """Whether a hook waits for all bones by which Armature modifiers of these names move a mesh, as it does when it is
+    wired; constraints may have been edited since. True if there is none. ob: original."""
+    modifiers = (ob.modifiers[name] for name in names if name in ob.modifiers)
+    return hook is None or all(
+        wiring.still_waits(hook, each.object, None if each.use_bone_envelopes else ob.vertex_groups.keys())
+        for each in modifiers
         if each.type == "ARMATURE" and each.object is not None
     )
 

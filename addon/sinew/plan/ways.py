@@ -82,6 +82,8 @@ def whatever_its_size(situation: Situation) -> Way:
         return Way(BLENDER, situation.trouble)
     if situation.animation_trouble:
         return Way(BLENDER, situation.animation_trouble)
+    if situation.misses_bones:
+        return Way(BLENDER, "Its library was saved by an earlier version of Sinew: open the library once, and save it")
     reason = _why_not_first(situation) or _why_not_idle(situation) or _why_not_switched(situation)
     if reason:
         return Way(BLENDER, reason)
