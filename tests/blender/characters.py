@@ -63,6 +63,13 @@ def make_tube(names=(*(f"bone{i}" for i in range(BONES)), "side")):
     return ob
 
 
+def constrain(armature, bone, kind, **settings):
+    constraint = armature.pose.bones[bone].constraints.new(kind)
+    for name, value in settings.items():
+        setattr(constraint, name, value)
+    return constraint
+
+
 def add_shape_keys(ob):
     """Two keys, one of them relative to the other and with a vertex group, both animated."""
     random = np.random.default_rng(5)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from characters import accelerate, make_armature, make_mesh, make_tube
+from characters import accelerate, constrain, make_armature, make_mesh, make_tube
 from helpers import addon_module, depsgraph, evaluated, into_a_shot, is_deforming, select, twin_of
 from relations_of_blender import bones_not_awaited
 
@@ -23,14 +23,6 @@ def missed():
     bpy.context.view_layer.update()
     bpy.context.view_layer.update()
     return bones_not_awaited(depsgraph())
-
-
-def constrain(armature, bone, kind, count=0, **settings):
-    constraint = armature.pose.bones[bone].constraints.new(kind)
-    constraint.chain_count = count
-    for name, value in settings.items():
-        setattr(constraint, name, value)
-    return constraint
 
 
 def target_of(kind):
@@ -49,7 +41,7 @@ def target_of(kind):
 @pytest.mark.parametrize("count", [0, 2, 3])
 def test_chains(character, kind, count):
     ob, armature = character
-    constrain(armature, "bone4", kind, count, target=target_of(kind))
+    constrain(armature, "bone4", kind, chain_count=count, target=target_of(kind))
     accelerate(ob)
     assert missed() == []
 
@@ -58,7 +50,7 @@ def test_chains(character, kind, count):
 def test_a_chain_that_ends_above_a_foot(character, kind):
     """The foot waits for the shin, which does not wait for the thigh."""
     ob, armature = character
-    constrain(armature, "bone3", kind, 2, target=target_of(kind))
+    constrain(armature, "bone3", kind, chain_count=2, target=target_of(kind))
     accelerate(ob)
     assert missed() == []
 
@@ -68,7 +60,7 @@ def test_a_constraint_that_is_added_and_one_that_gets_longer(character, kind):
     ob, armature = character
     accelerate(ob)
     assert missed() == []
-    constraint = constrain(armature, "bone4", kind, 2, target=target_of(kind))
+    constraint = constrain(armature, "bone4", kind, chain_count=2, target=target_of(kind))
     assert missed() == []
     constraint.chain_count = 4
     assert missed() == []
@@ -79,7 +71,7 @@ def test_a_constraint_that_is_added_and_one_that_gets_longer(character, kind):
 
 def test_what_is_missed_would_be_noticed(character, monkeypatch):
     ob, armature = character
-    constrain(armature, "bone4", "IK", 3, target=target_of("IK"))
+    constrain(armature, "bone4", "IK", chain_count=3, target=target_of("IK"))
     monkeypatch.setattr(addon_module("plan.wiring"), "SOLVERS", set())
     accelerate(ob)
     assert missed() == [(ob.name, "bone2"), (ob.name, "bone3")]
@@ -88,7 +80,7 @@ def test_what_is_missed_would_be_noticed(character, monkeypatch):
 @pytest.mark.parametrize("overridden", (False, True))
 def test_a_library_that_was_saved_when_bones_were_missed(character, tmp_path, monkeypatch, overridden):
     ob, armature = character
-    constrain(armature, "bone4", "IK", 3, target=target_of("IK"))
+    constrain(armature, "bone4", "IK", chain_count=3, target=target_of("IK"))
     collection = bpy.data.collections.new("Character")
     bpy.context.scene.collection.children.link(collection)
     for each in ob, armature, twin_of(ob):
@@ -130,7 +122,7 @@ def random_rig(random):
         bone.bbone_segments = random.choice((1, 1, 1, 4))
     for bone in random.sample(list(armature.pose.bones), 4):
         kind = random.choice(("IK", "IK", "SPLINE_IK"))
-        constrain(armature, bone.name, kind, random.randrange(5), target=target_of(kind))
+        constrain(armature, bone.name, kind, chain_count=random.randrange(5), target=target_of(kind))
         if kind == "IK":
             bone.constraints[0].use_tail = random.random() < 0.7
     return armature

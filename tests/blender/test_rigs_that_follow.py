@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Euler
 
-from characters import make_armature, pose
+from characters import constrain, make_armature, pose
 from helpers import addon_module, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, keep_live, recorded, wait
 from test_accelerated_rigs import accelerating as accelerating
@@ -17,10 +17,7 @@ pytestmark = needs_rig_programs
 
 
 def add(armature, kind, leader, bone="", on="bone4", **settings):
-    constraint = armature.pose.bones[on].constraints.new(kind)
-    constraint.target, constraint.subtarget = leader, bone
-    for name, value in settings.items():
-        setattr(constraint, name, value)
+    constrain(armature, on, kind, target=leader, subtarget=bone, **settings)
 
 
 def drive(armature, path, leader, **target):

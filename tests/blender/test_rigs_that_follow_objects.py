@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from characters import make_armature
+from characters import constrain, make_armature
 from helpers import addon_module, depsgraph, needs_rig_programs, select
 from test_accelerated_rigs import accelerating as accelerating
 from test_accelerated_rigs import keep_live, recorded, wait
@@ -19,11 +19,7 @@ KEYED = {"location": 3, "rotation_euler": 3, "scale": 3}
 
 
 def add(armature, kind, on, target, **settings):
-    constraint = armature.pose.bones[on].constraints.new(kind)
-    constraint.target = target
-    for name, value in settings.items():
-        setattr(constraint, name, value)
-    return constraint
+    return constrain(armature, on, kind, target=target, **settings)
 
 
 class Driven(Cast):
