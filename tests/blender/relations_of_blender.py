@@ -56,7 +56,7 @@ def bones_not_awaited(graph):
     for ob in characters.known():
         entry = characters.of(ob)
         modifiers = [each for each in ob.modifiers if each.name in entry.plan.replaced and each.type == "ARMATURE"]
-        armatures = [each.object for each in modifiers if each.object is not None]
+        armatures = [each.object for each in modifiers if each.show_viewport and each.object is not None]
         hook = entry.plan.hook_of(ob)
         is_deforming = entry.is_deforming and hook is not None and not wiring.waits_for_nothing(hook)
         if not is_deforming or not armatures or not ob.evaluated_get(graph).is_evaluated:
