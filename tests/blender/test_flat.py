@@ -156,6 +156,21 @@ def test_a_flat_mesh_with_a_hook_alone(axis):
     assert addon_module("run.characters").character(ob).status.error == ""
 
 
+def test_a_mesh_with_a_hook_that_is_nowhere():
+    """As one that hangs on a bone that is."""
+    ob = make_tube()
+    ob.modifiers.new("Hook", "HOOK").object = target = bpy.data.objects.new("Target", None)
+    bpy.context.collection.objects.link(target)
+    twin = twin_of(ob)
+    accelerate(ob)
+    for place in (np.nan, 1, np.nan):
+        for each in (ob, twin):
+            each.location.x = place
+        bpy.context.view_layer.update()
+        assert np.allclose(evaluated(ob), evaluated(twin), atol=1e-5, equal_nan=True)
+        assert addon_module("run.characters").character(ob).status.error == ""
+
+
 def test_a_hook_that_follows_a_bone_that_is_nowhere():
     """Blender's own modifiers deform, and nothing is reported."""
     ob, twin, armature = make_pair(False, False)
