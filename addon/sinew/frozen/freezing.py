@@ -30,6 +30,7 @@ import bpy
 from ..blender import animation, dependencies, values
 from ..host import actions, contract, evaluations, features, poses, relations
 from ..plan import wiring
+from ..run import mail
 from . import changes, computing, followers, reasons, rigs, watch
 from .followers import Followers
 from .rigs import State
@@ -363,6 +364,9 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
                 _evaluate_keys(rig)
             rig.state = State.SUSPECT
             watch.expect_thaw(graph, rig)
+            for ob in rig.followers.hooked:  # Blender calls no handler after it, so nobody updates deformed copies
+                if rigs.is_alive(ob) and ob.sinew.installed_output == "MESH":
+                    mail.post(mail.REWIRE, values.key_of(ob))
     _tag_relations(graph)
 
 
