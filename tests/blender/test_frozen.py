@@ -63,6 +63,16 @@ class Cast:
             found.append(evaluated(self.frozen[1]).copy())
         return np.array(found)
 
+    def follow_keyed_object(self, bone):
+        """Both characters do, with a bone."""
+        target = bpy.data.objects.new("Marker", None)
+        self.scene.collection.objects.link(target)
+        for frame in (1, 10):
+            target.location.x = frame
+            target.keyframe_insert("location", frame=frame)
+        for armature in (self.frozen[0], self.live[0]):
+            armature.pose.bones[bone].constraints.new("COPY_LOCATION").target = target
+
     def record(self):
         self.rig  # noqa: B018  # known from now on
         self.play()

@@ -120,13 +120,7 @@ def test_a_scene_that_plays_at_another_speed(cast, tempo):
 def test_an_armature_that_follows_animated_objects_is_computed(cast):
     for armature, *_ in both(cast):
         armature.animation_data_clear()
-    empty = bpy.data.objects.new("Marker", None)
-    cast.scene.collection.objects.link(empty)
-    for frame in (1, 10):
-        empty.location.x = frame
-        empty.keyframe_insert("location", frame=frame)
-    for armature, *_ in both(cast):
-        armature.pose.bones["bone2"].constraints.new("COPY_LOCATION").target = empty
+    cast.follow_keyed_object("bone2")
     cast.play([1, 5])
     freezing().freeze([cast.rig], cast.scene, layer())
     if addon_module("rig_programs.reading").CAN_READ:

@@ -250,13 +250,7 @@ def test_it_is_posed_and_not_built_again(strips, monkeypatch):
 def test_what_is_not_keyed_is_kept(strips, follows):
     """While it is read and compared, and it is not taken for a wrong program. follows: an object with keyframes."""
     if follows:
-        wheel = bpy.data.objects.new("Wheel", None)
-        strips.scene.collection.objects.link(wheel)
-        for frame in (1, 10):
-            wheel.location.x = frame
-            wheel.keyframe_insert("location", frame=frame)
-        for armature, *_ in both(strips):
-            armature.pose.bones["bone3"].constraints.new("COPY_LOCATION").target = wheel
+        strips.follow_keyed_object("bone3")
     strips.scene.frame_set(4)
     move(strips, 0.5)
     before = strips.rig.ob.pose.bones["bone1"].location.copy()

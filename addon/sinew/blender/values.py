@@ -33,8 +33,10 @@ def is_flat(ob: bpy.types.Object) -> bool:
 
 
 def refuse_flat(*objects: bpy.types.Object) -> None:
-    """Raises Flat if the scale of an object is 0 along an axis."""
+    """Raises Flat if the matrix of an object cannot be inverted."""
     for each in objects:
+        if not np.isfinite(matrix_to_numpy(each.matrix_world)).all():
+            raise Flat(f"{each.name} is at a place that is not a number")
         if is_flat(each):
             raise Flat(f"{each.name} has a scale of 0 along an axis; set another scale")
 

@@ -107,10 +107,7 @@ class Hook:
         place = target.matrix_world
         if target.type == "ARMATURE" and modifier.subtarget in target.pose.bones:
             place = place @ target.pose.bones[modifier.subtarget].matrix
-        world = values.matrix_to_numpy(ob.matrix_world)
-        if not np.isfinite(world).all():
-            raise values.Flat(f"{ob.name} is at a place that is not a number")
-        back = np.linalg.pinv(world)
+        back = np.linalg.pinv(values.matrix_to_numpy(ob.matrix_world))
         inverse = values.matrix_to_numpy(modifier.matrix_inverse)
         matrix = back @ values.matrix_to_numpy(place) @ inverse
         if not np.isfinite(matrix).all():

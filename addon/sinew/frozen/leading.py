@@ -151,8 +151,9 @@ def _given(leader: Leader, frames: Sequence[float]) -> Iterator[tuple[str, np.nd
             continue
         if program is None:
             raise Unknown(f"{leader.rig.name}, which it follows, is not computed")
-        moved = found.copy() if along else found
+        moved = found
         if along:
+            moved = found.copy()
             moved[:, numbers] = posed
         yield from ((name, program.convert(moved, number, *read_as)) for name, number in zip(own, numbers))
     if leader.numbers:

@@ -93,18 +93,19 @@ def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -
                 continue
             try:
                 if not curve.driver.is_valid:
-                    _check_invalid(block, curve, path)
+                    if paths.has_effect(path):
+                        _check_invalid(block, curve)
                 elif is_wanted(ob, path, found):
                     yield driver_of(path, curve, row, variables, found, outside)
             except curves.Refused as reason:
                 found.refused.append(f"the driver of {path}: {reason}")
 
 
-def _check_invalid(block: bpy.types.ID, curve: bpy.types.FCurve, path: str) -> None:
+def _check_invalid(block: bpy.types.ID, curve: bpy.types.FCurve) -> None:
     """Raises Refused if keyframes set the same as an invalid driver. Blender evaluates the driver once after a file was
     opened or a step was undone, and then no longer, so its value may be there on one frame."""
     keyed = {(each.data_path, each.array_index) for each in animation.keyed_curves(block)}
-    if (curve.data_path, curve.array_index) in keyed and paths.has_effect(path):
+    if (curve.data_path, curve.array_index) in keyed:
         raise curves.Refused("it is invalid, and keyframes set the same: mend or delete it")
 
 
