@@ -2,7 +2,8 @@
 # Jobs side by side: two at a time, for most of them use one core. What each says comes when it is done.
 
 declare -A running=() started=() # by process: the job's name, and when that was
-failed=() took=()
+failed=() took=() # of each job the seconds that passed, those of a processor, and its name
+processor=0 cores_before=$(head -1 /proc/stat)
 
 # NAME COMMAND [arguments]: as soon as there is a place.
 start() {
@@ -35,12 +36,22 @@ await_all() {
   done
 }
 
-# NAME SINCE PASSED
+# NAME SINCE PASSED: of what was waited for last
 ended() {
-  local seconds=$((SECONDS - $2)) word=took
+  local seconds=$((SECONDS - $2)) word=took used=$processor
+  count_processor
   $3 || { word="FAILED (above), after" failed+=("$1"); }
-  took+=("$(printf '%3d:%02d  %s' $((seconds / 60)) $((seconds % 60)) "$1")")
+  took+=("$seconds $((processor - used)) $1")
   say "$1: $word $seconds seconds"
+}
+
+# Sets `processor` to the seconds that all processes took that were waited for so far, and theirs.
+count_processor() {
+  local minutes
+  mkdir -p "$BUILD/log"
+  times >"$BUILD/log/.times" # in a subshell it would be that of the subshell
+  minutes=$(tail -1 "$BUILD/log/.times" | sed -E 's/([0-9]+)m([0-9.]+)s/\1*60+\2/g; s/ /+/')
+  processor=$(awk "BEGIN {printf \"%d\", $minutes}")
 }
 
 log_of() {

@@ -27,7 +27,7 @@ WINDOW_TESTS=(in_window frozen_in_window in_weight_paint weighted first_ogre pro
 # [--blender VERSION|all|release] [pytest arguments for the tests in Blender]; release: also what only a release needs
 run_tests() {
   local versions=(own) missing=() systems=() pythons=(3.13) part=() packaged=(--source tests/wheel tests/python) version kind=
-  local in_python=("${PYTHON_TESTS_OF_SYSTEMS[@]}") in_memory=("${PYTHON_TESTS_OF_MEMORY[@]}")
+  local in_python=("${PYTHON_TESTS_OF_SYSTEMS[@]}") in_memory=("${PYTHON_TESTS_OF_MEMORY[@]}") since
   declare -A blenders=([own]=$BLENDER)
   trap 'kill 0' INT # which a command in the background does not hear
   if [ "${1:-}" = --blender ]; then
@@ -37,9 +37,12 @@ run_tests() {
   else
     [ "$BLENDER" != blender ] || install_packages blender
   fi
+  ended "setting up" 0 true
+  since=$SECONDS
   [ "$kind" != all ] || PYTHONS=(3.13) # of the Blender for Windows that is tested
   build
   package_and_wheel "${systems[@]}"
+  ended "building" "$since" true
   start "lint" check_format_and_types
   start "native tests" ctest --test-dir "$BUILD" --output-on-failure
   [ "$kind" != release ] || in_memory=()
@@ -93,7 +96,12 @@ run_tests() {
 report() {
   local version
   say "durations"
-  printf '%s\n' "${took[@]}"
+  printf '%s\n' "${took[@]}" | $PYTHON .ci/budget.py "$kind"
+  awk -v before="$cores_before" '/^cpu / {
+    split(before, was)
+    for (i = 2; i <= 9; i++) { all += $i - was[i]; if (i == 5 || i == 6) idle += $i - was[i] }
+    printf "the cores were busy for %d %% of the time\n", 100 * (1 - idle / all)
+  }' /proc/stat
   for version in "${missing[@]}"; do
     say "NOT TESTED: BLENDER $version COULD NOT BE SET UP"
   done

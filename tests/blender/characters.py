@@ -1,5 +1,7 @@
 """A small character with random weights, made to be compared with the Armature modifier."""
 
+import functools
+
 import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Vector
@@ -40,6 +42,21 @@ def make_mesh(armature, preserve_volume):
 
 def make_tube(names=(*(f"bone{i}" for i in range(BONES)), "side")):
     """The same without a modifier. names: of its vertex groups."""
+    points, faces, weights = tube()
+    mesh = bpy.data.meshes.new("Tube")
+    mesh.from_pydata(points, [], faces)
+    ob = bpy.data.objects.new("Tube", mesh)
+    bpy.context.collection.objects.link(ob)
+    groups = [ob.vertex_groups.new(name=name) for name in names]
+    for v, bone, weight in weights:
+        groups[bone].add((v,), weight, "ADD")
+    return ob
+
+
+@functools.cache
+def tube():
+    """Returns its points, its faces, and what adds to its weights, as (vertex, bone, weight): nearly every test makes
+    one, and the random numbers take longer than Blender."""
     random = np.random.default_rng(3)
     rings, around = 60, 20
     height, angle = np.meshgrid(
@@ -51,16 +68,12 @@ def make_tube(names=(*(f"bone{i}" for i in range(BONES)), "side")):
         for r in range(rings - 1)
         for i in range(around)
     ]
-    mesh = bpy.data.meshes.new("Tube")
-    mesh.from_pydata(points.tolist(), [], faces)
-    ob = bpy.data.objects.new("Tube", mesh)
-    bpy.context.collection.objects.link(ob)
-    groups = [ob.vertex_groups.new(name=name) for name in names]
+    weights = []
     for v, (_, _, z) in enumerate(points):
         near = int(np.clip(z, 0, BONES - 1))
         for bone in random.permutation([near, max(near - 1, 0), 5 if 1 < z < 3 else near]):
-            groups[bone].add([v], float(random.uniform(0.1, 1)), "ADD")
-    return ob
+            weights.append((v, int(bone), float(random.uniform(0.1, 1))))
+    return points.tolist(), faces, weights
 
 
 def constrain(armature, bone, kind, **settings):

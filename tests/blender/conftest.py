@@ -1,6 +1,8 @@
+import itertools
 import os
+import random
 import sys
-from collections import Counter
+from collections import defaultdict
 
 import bpy
 import pytest
@@ -63,18 +65,43 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Which cases are tried depends on that number and on Blender's version: each change tries others."""
-    number, counts, kept, left = os.environ.get("SINEW_SAMPLES"), Counter(), [], []
+    """Where SINEW_SAMPLES is a number, not all cases are tried. Which ones depends on that number and on Blender's
+    version: each change tries others."""
+    number = os.environ.get("SINEW_SAMPLES")
+    if not number:
+        return
+    cases, kept = defaultdict(list), set()
     for item in items:
-        marker = item.get_closest_marker("sampled")
-        name = item.nodeid.partition("[")[0]
-        is_kept = (
-            not number or marker is None or (counts[name] + int(number) + bpy.app.version[1]) % marker.args[0] == 0
-        )
-        counts[name] += 1
-        (kept if is_kept else left).append(item)
-    config.hook.pytest_deselected(items=left)
-    items[:] = kept
+        cases[item.nodeid.partition("[")[0]].append(item)
+    for name, each in cases.items():
+        kept.update(some_of(each, seed=f"{name} {number} {bpy.app.version}"))
+    config.hook.pytest_deselected(items=[item for item in items if item not in kept])
+    items[:] = [item for item in items if item in kept]
+
+
+def some_of(items, seed):
+    """Those cases of one test that are tried: each pair of values of its parameters in at least one of them, or as many
+    as its marker says."""
+    items = random.Random(seed).sample(items, len(items))
+    marker = items[0].get_closest_marker("sampled")
+    if marker is not None:
+        return items[: -(-len(items) // marker.args[0])]
+    if len(parameters_of(items[0])) < 3:
+        return items
+    kept, missing = [], set().union(*map(pairs_of, items))
+    while missing:
+        kept.append(max(items, key=lambda item: len(pairs_of(item) & missing)))
+        missing -= pairs_of(kept[-1])
+    return kept
+
+
+def parameters_of(item):
+    """The values of a case's parameters, as its name has them; those that are given together are one."""
+    return item.callspec._idlist if hasattr(item, "callspec") else []
+
+
+def pairs_of(item):
+    return set(itertools.combinations(enumerate(parameters_of(item)), 2))
 
 
 @pytest.fixture(autouse=True)

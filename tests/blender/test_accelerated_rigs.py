@@ -11,7 +11,7 @@ from mathutils import Euler
 
 from characters import make_armature
 from helpers import addon_module, depsgraph, evaluated, into_a_shot, needs_rig_programs, select
-from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
+from test_frozen import EDITS, FRAMES, freezing, layer, opened_cast, recorded
 from test_frozen_computed import key, move, state, undo_a_pose
 from test_frozen_who import both, can_render, in_a_collection
 
@@ -23,10 +23,9 @@ def accelerating():
 
 
 @pytest.fixture
-def cast(fresh_scene, monkeypatch):
+def cast(monkeypatch):
     monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
-    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
-    cast = Cast(fresh_scene)
+    cast = opened_cast(last=10)
     keep_live(cast)
     return cast
 

@@ -164,7 +164,6 @@ def nothing(ob):
     pass
 
 
-@pytest.mark.sampled(3)
 @pytest.mark.parametrize("before", (nothing, add_shape_keys, with_bendy_bones), ids=lambda part: part.__name__)
 @pytest.mark.parametrize("later", LATER, ids=lambda part: part.__name__)
 @pytest.mark.parametrize("is_volume", (False, True), ids=("linear", "volume"))

@@ -198,7 +198,6 @@ ACCIDENTS = {
 }
 
 
-@pytest.mark.sampled(3)
 @pytest.mark.parametrize("accident", ACCIDENTS.values(), ids=ACCIDENTS)
 def test_nothing_is_lost(pair, accident):
     bpy.ops.ed.undo_push(message="before")

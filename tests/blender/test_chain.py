@@ -155,7 +155,6 @@ def make(fresh_scene):
     return make
 
 
-@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     "before", (nothing, add_shape_keys, by_two_armatures, with_bendy_bones), ids=lambda part: part.__name__
 )

@@ -50,7 +50,6 @@ def assert_followed(ob, twin, keys, tolerance=1e-5):
     assert addon_module("run.characters").character(ob).status.error == ""
 
 
-@pytest.mark.sampled(3)
 @KEYS
 @pytest.mark.parametrize("preserve_volume", (False, True), ids=("linear", "dual quaternion"))
 @pytest.mark.parametrize("turned", (False, True), ids=("at rest", "posed"))
@@ -95,7 +94,6 @@ def test_flattened_b_bones(fresh_scene, preserve_volume, keys, scale):
         assert is_deforming(ob) != (is_flat and preserve_volume)
 
 
-@pytest.mark.sampled(3)
 @KEYS
 @pytest.mark.parametrize("preserve_volume", (False, True), ids=("linear", "dual quaternion"))
 @pytest.mark.parametrize("who", ("mesh", "armature", "both", "parent"))

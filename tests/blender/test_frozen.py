@@ -2,8 +2,11 @@
 is edited, nobody sees an old shape."""
 
 import dataclasses
+import functools
 import re
 import subprocess
+import tempfile
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -110,9 +113,31 @@ def matrices_of(armature):
     return np.array([[*bone.matrix, *bone.matrix_channel, *bone.matrix] for bone in bones])
 
 
+@functools.cache
+def saved_cast():
+    """Returns the path of a file with a cast, and the names of each character's objects."""
+    cast = Cast(bpy.context.scene)
+    path = str(Path(tempfile.mkdtemp()) / "cast.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    return path, [[ob.name for ob in each] for each in (cast.frozen, cast.live)]
+
+
+def opened_cast(last=None):
+    """Returns a cast in a new file, in a third of the time that it takes to make one. last: of the scene's frames."""
+    path, names = saved_cast()
+    bpy.ops.wm.read_homefile(filepath=path)
+    cast = Cast.__new__(Cast)
+    cast.scene = bpy.context.scene
+    cast.frozen, cast.live = ([bpy.data.objects[name] for name in each] for each in names)
+    if last is not None:
+        cast.scene.frame_end = last
+    cast.scene.frame_set(1)
+    return cast
+
+
 @pytest.fixture
-def cast(fresh_scene):
-    return Cast(fresh_scene)
+def cast():
+    return opened_cast()
 
 
 def test_a_frozen_character_plays_as_a_live_one(cast):

@@ -6,14 +6,13 @@ import pytest
 
 from characters import make_armature
 from helpers import addon_module, depsgraph, evaluated, select
-from test_frozen import FRAMES, Cast, freezing, layer, recorded
+from test_frozen import FRAMES, freezing, layer, opened_cast, recorded
 from test_frozen_who import both, drive_keys
 
 
 @pytest.fixture
-def cast(fresh_scene):
-    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
-    return Cast(fresh_scene)
+def cast():
+    return opened_cast(last=10)
 
 
 def fcurves(armature):

@@ -5,7 +5,7 @@ import bpy
 import pytest
 
 from helpers import addon_module, needs_rig_programs, select
-from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
+from test_frozen import EDITS, FRAMES, freezing, layer, opened_cast, recorded
 from test_frozen_who import both, drive_keys
 
 pytestmark = needs_rig_programs
@@ -16,9 +16,8 @@ def computing():
 
 
 @pytest.fixture
-def cast(fresh_scene):
-    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
-    return Cast(fresh_scene)
+def cast():
+    return opened_cast(last=10)
 
 
 def freeze_unplayed(cast):

@@ -5,14 +5,13 @@ import bpy
 import pytest
 
 from helpers import addon_module, depsgraph
-from test_frozen import FRAMES, Cast, freezing, layer
+from test_frozen import FRAMES, freezing, layer, opened_cast
 from test_frozen_who import both
 
 
 @pytest.fixture
-def cast(fresh_scene):
-    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
-    return Cast(fresh_scene)
+def cast():
+    return opened_cast(last=10)
 
 
 def add_driver(block, path, armature, kind="SUM", expression="", index=-1, bones=("bone1", "bone3")):

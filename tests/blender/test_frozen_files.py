@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 
 from helpers import COMMAND, addon_module, evaluated, needs_program, select
-from test_frozen import Cast, freezing, layer, script_that_compares
+from test_frozen import freezing, layer, opened_cast, script_that_compares
 
 MANY = 500  # frames that are rendered
 
 
 @pytest.fixture
-def cast(fresh_scene):
-    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
-    return Cast(fresh_scene)
+def cast():
+    return opened_cast(last=10)
 
 
 def names_of(cast):

@@ -5,13 +5,12 @@ import numpy as np
 import pytest
 
 from helpers import addon_module, evaluated, select
-from test_frozen import Cast, freezing, layer, matrices_of, recorded
+from test_frozen import freezing, layer, matrices_of, opened_cast, recorded
 
 
 @pytest.fixture
-def cast(fresh_scene):
-    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
-    return Cast(fresh_scene)
+def cast():
+    return opened_cast(last=10)
 
 
 def assert_same_in(graph, cast):

@@ -5,12 +5,22 @@ import pytest
 
 from characters import add_shape_keys, smoothed
 from helpers import addon_module, depsgraph, evaluated
-from test_frozen import FRAMES, Cast, edit_keys, edit_mesh, edit_modifier, edit_weights, freezing, layer, recorded
+from test_frozen import (
+    FRAMES,
+    edit_keys,
+    edit_mesh,
+    edit_modifier,
+    edit_weights,
+    freezing,
+    layer,
+    opened_cast,
+    recorded,
+)
 
 
 @pytest.fixture
-def cast(fresh_scene):
-    return Cast(fresh_scene)
+def cast():
+    return opened_cast()
 
 
 def mesh_of(cast):

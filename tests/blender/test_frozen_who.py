@@ -7,13 +7,12 @@ import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
 from helpers import addon_module, depsgraph, evaluated, import_rig, select
-from test_frozen import FRAMES, Cast, freezing, layer, recorded
+from test_frozen import FRAMES, freezing, layer, opened_cast, recorded
 
 
 @pytest.fixture
-def cast(fresh_scene):
-    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
-    return Cast(fresh_scene)
+def cast():
+    return opened_cast(last=10)
 
 
 def both(cast):

@@ -7,14 +7,13 @@ import pytest
 from characters import add_shape_keys, smoothed
 from helpers import addon_module, evaluated, needs_rig_programs, select
 from test_accelerated_rigs import accelerating, keep_live, wait
-from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
+from test_frozen import EDITS, FRAMES, freezing, layer, opened_cast, recorded
 from test_frozen_who import both
 
 
 @pytest.fixture
-def cast(fresh_scene):
-    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
-    return Cast(fresh_scene)
+def cast():
+    return opened_cast(last=10)
 
 
 @pytest.fixture
