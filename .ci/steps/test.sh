@@ -112,11 +112,13 @@ report() {
   say "all tests passed"
 }
 
+# [WHAT...]: without, all
 python_tests() {
   local scipy
+  [ $# -gt 0 ] || set -- tests/python
   scipy=$(.ci/pypi scipy)
   say "Python tests"
-  PYTHONPATH=$scipy SINEW_BUILD=$BUILD $PYTHON -m pytest -q --durations=8 -p no:cacheprovider tests/python
+  PYTHONPATH=$scipy SINEW_BUILD=$BUILD $PYTHON -m pytest -q --durations=8 -p no:cacheprovider "$@"
 }
 
 # VERSION of Python, WHAT...
@@ -194,9 +196,35 @@ test_in_blender() {
   pick "$1"
   say "tests in $("$BLENDER" --version | head -1)" &&
     install_in_profile &&
-    SINEW_USD=$(usd_core "$1") SINEW_ZIP=$ZIP SINEW_SAMPLES=$([ "${kind:-}" != all ] || cksum <"$ZIP" | cut -d" " -f1) \
-      isolated_blender -b --python-exit-code 1 --python tests/blender/run.py -- "${@:2}" &&
+    SINEW_SAMPLES=$([ "${kind:-}" != all ] || cksum <"$ZIP" | cut -d" " -f1) pytest_in_blender "$@" &&
     { is_module || walk_at_random --seed gate --steps 120; }
+}
+
+# VERSION [pytest arguments]: with the zip that is installed
+pytest_in_blender() {
+  SINEW_USD=$(usd_core "$1") SINEW_ZIP=$ZIP \
+    isolated_blender -b --python-exit-code 1 --python tests/blender/run.py -- "${@:2}"
+}
+
+# [--blender VERSION] WHAT...: these tests alone, with what is built brought up to date. WHAT is a file of tests/blender or
+# tests/python and further arguments of pytest, or the name of native tests, as ctest takes it.
+try_tests() {
+  local version=own
+  if [ "${1:-}" = --blender ]; then
+    version=${2:?--blender wants a version}
+    use_blender "$version"
+    shift 2
+  fi
+  case ${1:?which tests? name a file of tests/blender or tests/python, or native tests} in
+    tests/blender/*)
+      PROFILE=$BUILD/profile-$version
+      package
+      cmp -s "$ZIP" "$PROFILE/installed.zip" || { install_in_profile && cp "$ZIP" "$PROFILE/installed.zip"; }
+      pytest_in_blender "$version" "$@"
+      ;;
+    tests/python/*) TARGET=modules build && python_tests "$@" ;;
+    *) TARGET=sinew_tests build && ctest --test-dir "$BUILD" --output-on-failure --no-tests=error -R "$@" ;;
+  esac
 }
 
 # VERSION of Blender: the folder of USD for its Python, or nothing where a test may do without.
