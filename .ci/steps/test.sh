@@ -4,11 +4,11 @@
 
 # For the time that it takes, only a release runs all tests in all builds. Otherwise 5.2, the newest with a window, runs
 # all, of those that are `sampled` another part for each zip. The others run these,
-WHAT_BUILDS_DIFFER_IN=(tests/blender/test_{accelerated_rigs,bake,bad_input,cages,canvases,graphs,host,memory}.py
+WHAT_BUILDS_DIFFER_IN=(tests/blender/test_{accelerated_rigs,bake,cages,canvases,graphs,host,memory}.py
   tests/blender/test_{package,panel,render,safety,same_as_modifier,same_pass,shortcuts}.py)
 
 # of which the newest official one, whose shapes are those of 5.2, runs these,
-WHAT_A_NEW_BLENDER_CHANGES=(tests/blender/test_{bad_input,graphs,host,memory,panel,safety,same_as_modifier}.py)
+WHAT_A_NEW_BLENDER_CHANGES=(tests/blender/test_{graphs,host,memory,panel,safety,same_as_modifier}.py)
 
 # and those for Windows these. Only a release runs the native tests there; Python for Windows runs what follows.
 WHAT_SYSTEMS_DIFFER_IN=(tests/blender/test_{bake,bad_input,graphs,host,package,rigs_as_programs,safety}.py
@@ -32,7 +32,12 @@ run_tests() {
   trap 'kill 0' INT # which a command in the background does not hear
   if [ "${1:-}" = --blender ]; then
     kind=${2:?--blender wants a version, or all}
-    set_up_blenders "$kind" # first: the build makes a module for each one's Python
+    if [[ "$kind" =~ ^(all|release)$ ]]; then # unpacking them leaves a core to what needs none of their Pythons
+      start "Debian releases" set_up_releases
+      TARGET=sinew_tests build
+      await_all
+    fi
+    set_up_blenders "$kind" # before the modules, of which each one's Python gets one
     shift 2
   else
     [ "$BLENDER" != blender ] || install_packages blender
@@ -158,6 +163,13 @@ package_tests() {
   install_packages libhwy-dev libtbb-dev # Debian's own, for `pip install .`
   say "tests of the Python package"
   SINEW_ZIP=$ZIP tests/wheel/run "$BUILD/wheels" "$BUILD/environments" "$@"
+}
+
+set_up_releases() {
+  local python
+  for python in 3.14 3.13; do
+    .ci/blender python $python
+  done
 }
 
 # VERSION|all|release: fills in versions, their commands in blenders, missing, which could not be set up, and systems,
