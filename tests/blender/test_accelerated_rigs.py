@@ -844,12 +844,15 @@ def test_measuring_compares_it_with_blender(cast):
             pass
 
     whole_frames = addon_module("main.whole_frames")
-    frame_changes = bpy.app.handlers.frame_change_pre
-    frame_changes.append(lambda *_: states.append(cast.rig.is_frozen))
+
+    def look(*_):
+        states.append(cast.rig.is_frozen)
+
+    bpy.app.handlers.frame_change_pre.append(look)
     try:
         measured = whole_frames.measure(cast.scene, Progress(), lambda: freezing().all_live(cast.scene, layer()))
     finally:
-        frame_changes.pop()
+        bpy.app.handlers.frame_change_pre.remove(look)
     assert measured.sinew > 0 and 20 < sum(states) < len(states) - 20
     assert cast.rig.is_frozen and cast.rig.needs_program
     cast.play()
@@ -935,6 +938,50 @@ def test_scripts_in_the_background(cast):
         armature.pose.bones["side"].constraints.remove(each)
     cast.play(more)
     assert not cast.rig.is_frozen
+
+
+def test_handlers_of_others_see_every_update_in_the_background(cast):
+    """Also on the frame after which rigs are accelerated."""
+    addon_module("frozen.handlers")._frames = 0
+    seen = []
+
+    def look(_scene, graph):
+        seen.append((cast.rig.is_frozen, {update.id.name for update in graph.updates}))
+
+    bpy.app.handlers.frame_change_post.append(look)
+    try:
+        cast.play([*range(1, 11)] * 3)
+    finally:
+        bpy.app.handlers.frame_change_post.remove(look)
+    assert cast.rig.is_frozen and {is_frozen for is_frozen, _names in seen} == {False, True}
+    assert all({each.name for each in (*cast.frozen[1:], *cast.live)} <= names for _is_frozen, names in seen)
+
+
+@pytest.mark.parametrize("is_assigned", (False, True), ids=("frame_set", "frame_current"))
+def test_handlers_of_others_see_the_last_frame_before_the_next(cast, is_assigned):
+    """Such as those of bone physics, which remember where bones were."""
+    accelerate(cast)
+    seen = []
+
+    def look(*_):
+        for armature, *_ in both(cast):
+            bone = armature.pose.bones["bone2"]
+            copy = armature.evaluated_get(layer().depsgraph).pose.bones["bone2"]
+            seen.append([*bone.matrix, *bone.rotation_quaternion, *bone.location, *copy.matrix])
+
+    listed = bpy.app.handlers.depsgraph_update_pre if is_assigned else bpy.app.handlers.frame_change_pre
+    listed.append(look)
+    try:
+        for frame in (5, 2, 8):
+            if is_assigned:
+                cast.scene.frame_current = frame
+            else:
+                cast.scene.frame_set(frame)
+            cast.assert_same()
+    finally:
+        listed.remove(look)
+    assert cast.rig.is_frozen and len(seen) >= 6
+    assert seen[::2] == seen[1::2] and seen[0] != seen[2]
 
 
 def test_a_later_bake_tries_again_what_was_edited_since(cast):

@@ -27,6 +27,7 @@ LISTS = sorted(
         # of frozen characters
         "frame_change_pre",
         "frame_change_post",
+        "frame_change_post",
         "depsgraph_update_pre",
         "depsgraph_update_post",
         "load_post",

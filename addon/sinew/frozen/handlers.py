@@ -45,10 +45,15 @@ def before_update(scene: bpy.types.Scene, *_: Any) -> None:
 
 @persistent
 def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    global _frames
     playing.count_evaluation()
     _guarded(playing.after_evaluation, scene, depsgraph, True)
     _guarded(ghosts.after_evaluation, scene, depsgraph, True)
+
+
+@persistent
+def after_others(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Accelerates rigs in the background. To other handlers of this frame, the graph would have no updates then."""
+    global _frames
     if bpy.app.background and depsgraph.mode == "VIEWPORT":
         _frames += 1
         if _frames >= FRAMES_AHEAD:
@@ -113,9 +118,13 @@ def _accelerate(scene: Any, layer: Any, is_done: bool) -> bool:
     return _looks == 0 and accelerating.compare_more(scene, layer)
 
 
-HANDLERS = (
+# After all others: before an evaluation, these see the bones of the last one.
+LAST_HANDLERS = (
     ("frame_change_pre", before_frame),
     ("depsgraph_update_pre", before_update),
+    ("frame_change_post", after_others),
+)
+HANDLERS = (
     ("frame_change_post", after_frame),
     ("depsgraph_update_post", after_update),
     ("load_post", after_load),
@@ -126,12 +135,13 @@ HANDLERS = (
 
 def register() -> None:
     callbacks.add(HANDLERS)
+    callbacks.add(LAST_HANDLERS, is_last=True)
     callbacks.start(freeze_again)
 
 
 def unregister() -> None:
     callbacks.stop(freeze_again)
-    callbacks.remove(HANDLERS)
+    callbacks.remove((*HANDLERS, *LAST_HANDLERS))
     freezing.melt_all()
     rigs.forget()
     computing.forget()

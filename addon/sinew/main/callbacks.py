@@ -9,16 +9,31 @@ import bpy
 # (name of the list in bpy.app.handlers, handler) of all that should be there
 _handlers: list[tuple[str, Callable[..., Any]]] = []
 _first: list[Callable[..., Any]] = []  # handlers that are put before all others in their lists
+_last: list[tuple[str, Callable[..., Any]]] = []  # as in _handlers: those that are put after all others
 _timers: list[Callable[[], float | None]] = []
 _with_file: list[Callable[[], Any]] = []  # called whenever a different file is opened
 
 
-def add(handlers: Iterable[tuple[str, Callable[..., Any]]], is_first: bool = False) -> None:
-    """Adds handlers. handlers: (name of the list in bpy.app.handlers, handler) each; is_first: before all others."""
+def add(handlers: Iterable[tuple[str, Callable[..., Any]]], is_first: bool = False, is_last: bool = False) -> None:
+    """Adds handlers. handlers: (name of the list in bpy.app.handlers, handler) each; is_first: before all others;
+    is_last: after all others, wherever `put_last` is called in time."""
     handlers = list(handlers)
     _handlers.extend(handlers)
     _first.extend(handler for _name, handler in handlers if is_first)
+    _last.extend(handlers if is_last else ())
     put_back()
+
+
+def put_last(*names: str) -> None:
+    """Moves the handlers that come last to the ends of these lists, where other add-ons may have added theirs. Blender
+    may be going through a list, if it is at a handler before them."""
+    for name in names:
+        listed = getattr(bpy.app.handlers, name)
+        own = [handler for each, handler in _last if each == name and handler in listed]
+        if listed[len(listed) - len(own) :] != own:
+            for handler in own:
+                listed.remove(handler)
+                listed.append(handler)
 
 
 def remove(handlers: Iterable[tuple[str, Callable[..., Any]]]) -> None:
@@ -27,6 +42,8 @@ def remove(handlers: Iterable[tuple[str, Callable[..., Any]]]) -> None:
         _handlers.remove((name, handler))
         if handler in _first:
             _first.remove(handler)
+        if (name, handler) in _last:
+            _last.remove((name, handler))
         listed = getattr(bpy.app.handlers, name)
         while handler in listed:
             listed.remove(handler)

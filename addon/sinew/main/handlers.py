@@ -127,11 +127,13 @@ def before_depsgraph_update(scene: bpy.types.Scene, *_: Any) -> None:
 
 @persistent
 def before_evaluation(*_: Any) -> None:
+    callbacks.put_last("frame_change_pre", "depsgraph_update_pre")
     evaluations.announce()
 
 
 @persistent
 def after_evaluation(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    callbacks.put_last("frame_change_post")
     evaluations.conclude()
     afterwards.restore(depsgraph)
 
