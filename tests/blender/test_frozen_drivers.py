@@ -46,6 +46,12 @@ def lamp_by_expression(cast, armature, *_):
     return lambda graph: ob.evaluated_get(graph).data.energy
 
 
+def lamp_with_a_comment(cast, armature, *_):
+    ob = linked(cast, "Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    add_driver(ob.data, "energy", armature, "SCRIPTED", "100 + a * 100  # watts (of two")
+    return lambda graph: (ob.evaluated_get(graph).data.energy, ob.data.animation_data.drivers[0].driver.is_valid)
+
+
 def material(_cast, armature, _mesh, other, _prop):
     found = bpy.data.materials.new("Skin")
     found.use_nodes = True
@@ -118,6 +124,7 @@ def keyed_property(cast, armature, *_):
 READERS = [
     lamp,
     lamp_by_expression,
+    lamp_with_a_comment,
     material,
     scaled_object,
     hidden_object,
@@ -207,6 +214,41 @@ def test_drivers_of_the_armature_that_depend_on_the_frame(cast, way):
     assert driver.expression == "sin(frame / 3) + frame * 0.01"
     cast.thaw()
     cast.play()
+
+
+def test_a_comment_that_blender_has_not_read_before_it_builds_relations(cast):
+    """It compiles an expression once, so what is wrong with it then is wrong for good."""
+    lamps = [lamp_by_expression(cast, *each) for each in both(cast)]
+    layer().update()
+    cast.freeze()
+    drivers = [each.animation_data.drivers[0].driver for each in bpy.data.lights]
+    for driver in drivers:
+        driver.expression = "100 + a * 100  # watts (of two"
+    freezing().keep_frozen(cast.scene, layer())
+    assert cast.rig.is_frozen
+    for frame in (3, 8):
+        cast.scene.frame_set(frame)
+        ours, theirs = (lamp(depsgraph()) for lamp in lamps)
+        assert ours == theirs != 0
+    cast.thaw()
+    assert [driver.is_valid for driver in drivers] == [True, True]
+
+
+@pytest.mark.usefixtures("no_program")
+def test_python_of_nothing_but_variables_is_recorded(cast):
+    for armature, *_ in both(cast):
+        driver = armature.pose.bones["side"].driver_add("location", 1).driver
+        driver.type, driver.expression = "SCRIPTED", "(a ** 2 + (0.5, 1)[0]) / 2"
+        variable = driver.variables.new()
+        variable.name, variable.type = "a", "TRANSFORMS"
+        target = variable.targets[0]
+        target.id, target.bone_target = armature, "bone1"
+        target.transform_type, target.transform_space = "ROT_X", "LOCAL_SPACE"
+    assert not driver.is_simple_expression
+    layer().update()
+    cast.freeze()
+    cast.play()
+    assert cast.rig.is_frozen
 
 
 def test_the_file_keeps_its_drivers(cast):

@@ -259,6 +259,12 @@ def with_timed_driver(cast, armature, _ob, _prop):
     return "may change on each frame by itself"
 
 
+def with_driver_that_reads_anything(_cast, armature, ob, _prop):
+    driver = armature.pose.bones["bone1"].driver_add("bbone_curveinx").driver
+    driver.type, driver.expression = "SCRIPTED", f'bpy.data.objects["{ob.name}"].location.x'
+    return "may change on each frame by itself: bpy.data"
+
+
 def with_fluid(cast, _armature, ob, _prop):
     ob.modifiers.new("Fluid", "FLUID")
     return "needs its armature between frames"

@@ -9,6 +9,7 @@ import bpy
 from ..blender import animation, dependencies, values
 from ..clips import clip_store
 from ..host import relations
+from ..rig_programs import drivers
 from ..run import characters
 from . import changes, computing, differences, followers, leading, rigs
 from .followers import NotFreezable
@@ -213,8 +214,7 @@ def _check_driver(rig: Any, curve: Any) -> None:
     if driver.type == "SCRIPTED":
         words = "depsgraph" if _may_be_quiet(rig, curve) else "frame|depsgraph"
         has_word = re.search(rf"\b({words})\b", driver.expression)
-        is_simple = getattr(driver, "is_simple_expression", True)
-        if has_word or not is_simple and "(" in driver.expression:
+        if has_word or not drivers.reads_variables_only(driver):
             raise NotFreezable(
                 f"the driver of {curve.data_path} of {rig.name} may change on each frame by itself: {driver.expression}"
             )

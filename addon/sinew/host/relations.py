@@ -177,7 +177,9 @@ def on_each_frame(driver: Any) -> str:
         "MIN": f"min({listed})" if len(names) > 1 else listed,
         "MAX": f"max({listed})" if len(names) > 1 else listed,
     }
-    text = f"({values[driver.type]}) + 0 * frame"
+    own = values[driver.type]
+    end = "\n" if "#" in own else ""  # of a comment
+    text = f"({own}{end}) + 0 * frame"
     if "frame" in names or not all(name.isidentifier() and not keyword.iskeyword(name) for name in names):
         raise ValueError(f"its variables need other names than {listed}")
     if not names or len(text.encode()) >= LONGEST:

@@ -1,5 +1,6 @@
 """Drivers and animated values as rows."""
 
+import ast
 from collections.abc import Iterator
 from typing import Any
 
@@ -140,10 +141,28 @@ def driver_of(
     }
     del row["path"]
     if driver.type == "SCRIPTED":
-        if driver.use_self or not driver.is_simple_expression:
+        if not _is_simple(driver):
             raise curves.Refused(f'"{driver.expression}" is not one of Blender\'s simple expressions')
         result["expression"] = driver.expression
     return result
+
+
+def _is_simple(driver: bpy.types.Driver) -> bool:
+    return driver.is_simple_expression and not driver.use_self
+
+
+def reads_variables_only(driver: bpy.types.Driver) -> bool:
+    """Whether a driver's value follows from its variables and, if its expression has that word, from the frame. Python
+    may read anything else: so it may have neither other names, nor calls and attributes of what it has."""
+    if driver.type != "SCRIPTED" or _is_simple(driver):
+        return True
+    try:
+        nodes = list(ast.walk(ast.parse(driver.expression.strip(), mode="eval")))
+    except (SyntaxError, ValueError):  # Blender finds no value either, and sets nothing
+        return True
+    known = {"frame", *(variable.name for variable in driver.variables)}
+    is_calling = any(isinstance(each, ast.Call | ast.Attribute) for each in nodes)
+    return not is_calling and all(each.id in known for each in nodes if isinstance(each, ast.Name))
 
 
 def driver_elsewhere(
