@@ -828,10 +828,24 @@ def test_what_the_panel_says(cast):
     cast.scene.frame_set(2)
     accelerate(cast)
     cast.scene.frame_set(3)
-    assert re.match(r"Rig: native, \d+\.\d\d ms \(Blender ", text_of(cast.frozen[0])[0])
+    assert re.match(r"Rig: native, \d+\.\d\d ms \(Blender \d+\.\d\d\)\n", text_of(cast.frozen[0])[0])
     select(cast.frozen[0])
     bpy.ops.object.sinew_thaw()
     assert text_of(cast.frozen[0]) == ("Rig: Blender's, because it was thawed", "")
+
+
+def test_the_panel_says_medians_over_the_same_frames(cast, monkeypatch):
+    comparing, counts = addon_module("frozen.comparing"), []
+
+    def median(spent):
+        counts.append(len(spent))
+        return len(counts)
+
+    monkeypatch.setattr(comparing, "median", median)
+    accelerate(cast)
+    assert counts[0] > 1 and counts[0] == counts[1]
+    text = addon_module("ui.rig_line").text_of(cast.frozen[0])[0]
+    assert text.startswith("Rig: native, 1.00 ms (Blender 2.00)\n")
 
 
 def test_measuring_compares_it_with_blender(cast):
@@ -938,6 +952,101 @@ def test_scripts_in_the_background(cast):
         armature.pose.bones["side"].constraints.remove(each)
     cast.play(more)
     assert not cast.rig.is_frozen
+
+
+@pytest.fixture
+def readings(monkeypatch):
+    """The names of the rigs whose programs were read, in order."""
+    computing, found = addon_module("frozen.computing"), []
+    for name in ("read", "read_again"):
+
+        def counted(rig, *others, function=getattr(computing, name)):
+            found.append(rig.name)
+            return function(rig, *others)
+
+        monkeypatch.setattr(computing, name, counted)
+    return found
+
+
+def poses_and_keys(cast, frame):
+    for armature, *_ in both(cast):
+        bone = armature.pose.bones["bone1"]
+        bone.rotation_quaternion.rotate(Euler((0.05 * frame, 0.02, 0.01)))
+        bone.keyframe_insert("rotation_quaternion", frame=frame)
+
+
+def poses_and_updates(cast, frame):
+    for armature, *_ in both(cast):
+        armature.pose.bones["side"].location.x = 0.01 * frame
+    layer().update()
+
+
+@pytest.mark.parametrize("edit", (poses_and_keys, poses_and_updates))
+def test_a_script_that_edits_on_each_frame_has_it_read_a_few_times(cast, readings, edit):
+    """It stays Blender's until it rests, and is right all the time."""
+    accelerate(cast)
+    readings.clear()
+    for frame in range(1, 61):
+        cast.scene.frame_set(frame)
+        cast.assert_same()
+        edit(cast, frame)
+    assert len(readings) <= 4 and not cast.rig.is_idle and "is edited on each frame" in cast.rig.reason
+    layer().update()
+    cast.play([*range(1, 11)] * 5)
+    assert cast.rig.is_frozen, cast.rig.reason
+
+
+def test_a_script_that_has_edited_before_is_not_read_in_the_background(cast, readings):
+    addon_module("frozen.handlers")._frames = 0
+    for frame in range(1, 80):
+        cast.scene.frame_set(frame)
+        poses_and_keys(cast, frame)
+    cast.assert_same()
+    assert readings == [] and not cast.rig.is_idle
+
+
+def test_edits_now_and_then_leave_it_native(cast, readings):
+    accelerate(cast)
+    readings.clear()
+    for frame in range(1, 101):
+        cast.scene.frame_set(frame)
+        if frame % 10 == 0:
+            poses_and_updates(cast, frame)
+        cast.assert_same()
+        assert cast.rig.is_idle
+    assert len(readings) >= 9
+
+
+def test_the_longer_it_was_edited_the_longer_it_rests():
+    rest = addon_module("frozen.resting").Rest()
+    found = []
+    for _ in range(3):
+        while rest.may_read():
+            pass
+        found.append(rest.left)
+        rest.note_live(False, True)
+        assert rest.left == found[-1] - 1
+        rest.note_live(True, True)
+        assert rest.left == found[-1]
+        rest.end()
+        assert rest.left == 0
+    assert found[1] == 2 * found[0] and found[2] == 2 * found[1]
+    for _ in range(1000):
+        rest.note_played()
+    assert rest == addon_module("frozen.resting").Rest()
+
+
+def test_while_the_user_does_nothing_it_has_rested(cast):
+    accelerate(cast)
+    for frame in range(1, 11):
+        cast.scene.frame_set(frame)
+        poses_and_keys(cast, frame)
+    layer().update()
+    wait(cast)
+    assert not cast.rig.is_idle and cast.rig.rest.left
+    accelerating().end_rests()
+    accelerate(cast)
+    cast.play()
 
 
 def test_handlers_of_others_see_every_update_in_the_background(cast):

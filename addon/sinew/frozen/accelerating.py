@@ -9,7 +9,7 @@ from typing import Any
 from ..blender import armatures, dependencies
 from ..rig_programs import reading
 from ..run import characters
-from . import comparing, freezing, playing, reasons, rigs
+from . import comparing, freezing, playing, reasons, resting, rigs
 
 # A rig with less to compute costs less than what it takes to write its pose into Blender. A constraint or a driver
 # counts for as much as a bone.
@@ -19,6 +19,11 @@ MOST_TO_SKIP = 64  # steps, before a rig that could not be computed is tried aga
 
 def accelerate(scene: Any, layer: Any) -> None:
     """Accelerates all rigs that can be, if the scene asks for it: before many frames are played."""
+    end_rests()
+    _accelerate(scene, layer)
+
+
+def _accelerate(scene: Any, layer: Any) -> None:
     number = playing.evaluation_count()
     while scene.sinew_accelerates_rigs and step(scene, layer, number):
         pass
@@ -28,7 +33,21 @@ def accelerate_unasked(scene: Any, graph: Any) -> None:
     """Accelerates the rigs in the background, in a handler after an evaluation. graph: what was evaluated; exporters
     have their own."""
     if not playing.is_busy() and graph == graph.view_layer.depsgraph:
-        accelerate(scene, graph.view_layer)
+        _accelerate(scene, graph.view_layer)
+
+
+def end_rests() -> None:
+    """Says that the user does nothing, or that frames are played without edits."""
+    for rig in rigs.known():
+        rig.rest.end()
+
+
+def rest_edited(layer: Any) -> None:
+    """Has rigs that are not accelerated rest if somebody has edited them since the last evaluation. Call it before
+    one."""
+    for rig in map(rigs.learn, _armatures(layer)):
+        if not rig.is_idle and resting.is_edited(rig.ob, layer.depsgraph):
+            rig.rest.note_live(True, True)
 
 
 def step(scene: Any, layer: Any, number: int) -> bool:
@@ -44,7 +63,7 @@ def step(scene: Any, layer: Any, number: int) -> bool:
     own = [rigs.learn(ob) for ob in _armatures(layer)]
     own = [rig for rig in own if not rig.is_idle and (rig.needs_program or not rig.is_wanted)]
     own = [rig for rig in own if not rig.stays_live and not rig.is_distrusted and rig.ob.mode in ("OBJECT", "POSE")]
-    own = [rig for rig in own if rig.tries == 0 or rig.tried_at != number]
+    own = [rig for rig in own if not rig.rest.left and (rig.tries == 0 or rig.tried_at != number)]
     due = [rig for rig in own if rig.tries_to_skip == 0]
     for rig in own:
         rig.tries_to_skip = max(rig.tries_to_skip - 1, 0)

@@ -9,7 +9,6 @@ import itertools
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import bpy
@@ -22,6 +21,9 @@ from ..rig_programs import curves, driven_keys, edits, objects, paths, reading, 
 from . import changes, differences, followers, leading, rigs, settings, watch
 from .followers import Followers
 from .rigs import Source
+
+
+FRAMES_AT_ONCE = 32  # that are computed before they are put into the store, whose memory is limited
 
 
 def can_be(rig: rigs.Rig) -> bool:
@@ -42,10 +44,7 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     changes.meet(rig, found if isinstance(found, Followers) else Followers(), users, graph)
     if rig.source.program is None and not read_again(rig, graph):
         read(rig, scene, graph)
-    start = perf_counter()
-    found_now = _moments([rig], [[frame]])[0]
-    rig.milliseconds = 1e3 * (perf_counter() - start)
-    for moment in found_now:
+    for moment in _moments([rig], [[frame]])[0]:
         copy = rigs.evaluated_copy(rig, graph)
         if rigs.shows(rig, graph, moment) or differences.is_near(rig, copy, frame):
             rig.source.is_proven, rig.is_posable = True, rig.source.is_posable
@@ -137,6 +136,12 @@ look_ahead, forget = _ahead.begin, _ahead.forget
 def fill(own: Iterable[rigs.Rig], frames: Sequence[float]) -> None:
     """Records those of these frames that are missing, of the armatures that have a proven program. Of moments
     that are not recorded each keeps the last one."""
+    own = list(own)
+    for start in range(0, len(frames), FRAMES_AT_ONCE):
+        _fill(own, frames[start : start + FRAMES_AT_ONCE])
+
+
+def _fill(own: Iterable[rigs.Rig], frames: Sequence[float]) -> None:
     for able in leading.levels(rig for rig in own if rig.source.is_proven):
         lacking = [[frame for frame in frames if rig.at(frame) is None] for rig in able]
         for rig, missing, moments in zip(able, lacking, _moments(able, lacking)):

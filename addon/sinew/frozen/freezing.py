@@ -48,6 +48,8 @@ def freeze(wanted: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
     """Freezes armatures, and keeps those frozen that already are. `reason` of those that cannot be frozen says why.
     Call it in the main thread, outside an evaluation. scene, layer: what a window shows."""
     wanted = list(wanted)
+    for rig in wanted:
+        rig.rest.end()
     try:
         _freeze(wanted, scene, layer)
     except contract.Broken as broken:
@@ -272,7 +274,13 @@ def resume(posed: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
     """Reads the programs of edited armatures again, from a handler, and has them frozen. Returns why others cannot be,
     by key."""
     posed = list(posed)
-    found = _read_edited(posed, graph)
+    _drop_edited(posed, graph)
+    found = {
+        rig.key: f"{rig.name} is edited on each frame: it stays Blender's until it rests"
+        for rig in posed
+        if rig.source.program is None and not rig.rest.may_read()
+    }
+    found |= _read_edited([rig for rig in posed if rig.key not in found], graph)
     for rig in posed:
         if rig.key not in found:
             rig.watch.expect_edited(graph)
@@ -284,20 +292,25 @@ def resume(posed: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
 def read_ahead(rig: rigs.Rig) -> None:
     """Reads the program of an armature that is POSED before another frame needs it. Call it outside an evaluation."""
     graph = rig.graph()
+    _drop_edited([rig], graph)
     found = _read_edited([rig], graph)
     if found:
         melt(graph, found)
 
 
-def _read_edited(posed: list[rigs.Rig], graph: Any) -> dict[int, str]:
-    """Reads the programs of armatures that are POSED, of those that were edited since they were read, and compares them
-    with what Blender has made of the edit. Returns why others have none, by key."""
+def _drop_edited(posed: list[rigs.Rig], graph: Any) -> None:
+    """Drops the programs of armatures that are POSED and were edited since they were read."""
     for rig in posed:
         changes.compare_keys(rig, graph)
         is_edited = rig.watch is not None and rig.watch.is_tagged(graph, True)
         if is_edited or rig.tempo != changes.tempo_of(rig.scene):
             changes.drop_all(rig)
     changes.look(rigs.at_home(graph), graph)  # before what was copied is marked
+
+
+def _read_edited(posed: list[rigs.Rig], graph: Any) -> dict[int, str]:
+    """Reads the programs of those armatures that are POSED and have none, and compares all with what Blender has made
+    of the edit. Returns why some have none, by key."""
     unread = [rig for rig in posed if rig.source.program is None]
     found = {rig.key: f"what {rig.name} follows was edited" for rig in unread if _is_behind(rig, graph)}
     unread = [rig for rig in unread if rig.key not in found and not computing.read_again(rig, graph)]
@@ -432,6 +445,7 @@ def freeze_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
         rig
         for rig in rigs.known()
         if rig.state is State.WANTED
+        and not rig.rest.left
         and (not rig.is_selected or rig.is_posable)
         and not (is_playing and (rig.reason or rig.shown is None))
     ]

@@ -19,6 +19,7 @@ _has_accelerated = False  # all that can be done without another evaluation
 _looks = 0  # since then
 # In the background: whoever has changed so many frames changes more, and it pays to read the rigs.
 FRAMES_AHEAD = 24
+FRAMES_LOOKED_AT = 3  # the last of these: a rig that somebody edits before one of them is not read
 _frames = 0  # that were changed since
 
 
@@ -35,6 +36,8 @@ def _guarded(function: Any, *arguments: Any) -> None:
 
 @persistent
 def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
+    if bpy.app.background and _frames >= FRAMES_AHEAD - FRAMES_LOOKED_AT and not playing.is_busy():
+        _guarded(accelerating.rest_edited, bpy.context.view_layer)
     _guarded(playing.before_evaluation, scene, True)
 
 
@@ -111,6 +114,7 @@ def freeze_again() -> float:
 def _accelerate(scene: Any, layer: Any, is_done: bool) -> bool:
     """Accelerates a rig, or if that is done, compares one now and then. Returns whether anything has come of it."""
     global _has_accelerated, _looks
+    accelerating.end_rests()
     if not is_done:
         _has_accelerated = not accelerating.step(scene, layer, playing.evaluation_count())
         return not _has_accelerated

@@ -7,7 +7,7 @@ import bpy
 from ..blender import dependencies
 from ..host import contract, features, poses
 from ..run import mail
-from . import changes, computing, differences, freezing, rigs, watch
+from . import changes, computing, differences, freezing, resting, rigs, watch
 
 _evaluations = 0  # that handlers have seen
 
@@ -50,6 +50,8 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
     frozen: dict[int, list[rigs.Rig]] = {}  # by view layer
     new: dict[int, list[rigs.Rig]] = {}
     for rig in rigs.known():
+        if rig.rest.left and rig.graph() is not None:
+            rig.rest.note_live(resting.is_edited(rig.ob, rig.graph()), is_new_frame)
         if rig.is_idle:
             frozen.setdefault(rig.layer, []).append(rig)
         elif rig.watch is None and is_new_frame:
@@ -143,6 +145,7 @@ def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: boo
     for (rig, moment), is_shown in zip(steps, rigs.show_next(graph, steps)):
         if is_shown:
             rig.shown, rig.pose = frame, moment
+            rig.rest.note_played()
             _tag_followers(rig, graph)
         else:
             lacking.append(rig)

@@ -14,6 +14,7 @@ from ..blender import dependencies, values
 from ..host import actions, evaluations, key_blocks, poses
 from . import followers, records, settings
 from .followers import Followers
+from .resting import Rest
 from .settings import Setting
 from .shapes import Shapes, is_alive
 
@@ -47,7 +48,9 @@ class Source:
     heads: dict[int, Any] = field(default_factory=dict)  # of bones, by frame, see paths.py
     compared: set[int] = field(default_factory=set)  # frames on which it is what Blender has, see comparing.py
     is_compared: bool = False  # on all frames of the scene's range on which it can be
-    blender_milliseconds: float = 0.0  # that Blender takes for a frame
+    # What a frame takes here, and in Blender: medians over the same frames; 0: not measured.
+    milliseconds: float = 0.0
+    blender_milliseconds: float = 0.0
 
 
 @dataclass
@@ -82,12 +85,12 @@ class Rig:
     is_posable: bool = False  # it may be POSED: such a program was proven
     needs_program: bool = False  # it is wanted frozen only if it is computed, see accelerating.py
     stays_live: bool = False  # somebody has thawed it
-    milliseconds: float = 0.0  # to compute a moment, the last time
     has_differed: bool = False  # from what Blender has evaluated elsewhere, once
     difference: Any = None  # differences.Difference of its last program, or None
     posed_on: float | None = None  # the frame on which Blender has last evaluated it while it is POSED
     # What it follows, with parents, if relations were built without some of it.
     unseen: list[Any] = field(default_factory=list)
+    rest: Rest = field(default_factory=Rest)  # from edits on each frame
     tries: int = 0  # see accelerating.py
     tries_to_skip: int = 0
     tried_at: int = 0

@@ -35,9 +35,9 @@ def text_of(armature: Any) -> tuple[str, str]:
     if rig is None:
         return "", ""
     if rig.is_frozen and rig.source.is_proven:
-        blender, frames = rig.source.blender_milliseconds, len(rig.source.compared)
-        compared = f" (Blender {blender:.2f})\nCompared on {frames} frame{'s' * (frames != 1)}" if blender else ""
-        return f"Rig: native, {rig.milliseconds:.2f} ms{compared}", ""
+        own, blender, frames = rig.source.milliseconds, rig.source.blender_milliseconds, len(rig.source.compared)
+        compared = f", {own:.2f} ms (Blender {blender:.2f})\nCompared on {frames} frame{'s' * (frames != 1)}"
+        return f"Rig: native{compared if blender else ''}", ""
     if rig.is_idle:
         return "Rig: native" if rig.is_posable else "Rig: frozen", ""
     if rig.stays_live:
