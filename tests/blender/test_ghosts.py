@@ -1,5 +1,7 @@
 """Onion skins show the shapes that a character has on the frames around the current one, or nothing."""
 
+import weakref
+
 import bpy
 import numpy as np
 import pytest
@@ -379,6 +381,85 @@ def test_memory_is_limited_together_with_poses(cast, settings):
         assert drawings()
     finally:
         recorded().store.set_limit(limit)
+
+
+@needs_rig_programs
+def test_the_limit_of_memory_holds_for_what_is_computed(computed, monkeypatch):
+    """Few frames are computed at once, and none for which there is no room. None of these is played."""
+    cast, computing, counts, played = computed, addon_module("frozen.computing"), [], []
+    moments, limit = computing._moments, recorded().store.limit
+
+    def counted(own, frames):
+        counts.append(max(map(len, frames), default=0))
+        return moments(own, frames)
+
+    def look(scene, *_):
+        played.append(scene.frame_current)
+
+    monkeypatch.setattr(computing, "FRAMES_AT_ONCE", 3)
+    wait(cast)
+    cast.scene.frame_end = 300
+    monkeypatch.setattr(computing, "_moments", counted)
+    bpy.app.handlers.frame_change_pre.append(look)
+    select(cast.frozen[0])
+    try:
+        recorded().store.set_limit(5 * cast.rig.passing[1].nbytes)
+        bpy.ops.object.sinew_record()
+        assert 0 < len(cast.rig.record) <= 5 and bpy.ops.object.sinew_freeze() == {"FINISHED"}
+    finally:
+        recorded().store.set_limit(limit)
+        bpy.app.handlers.frame_change_pre.remove(look)
+    assert played == [] and max(counts) <= 3 and sum(counts) < 30
+    assert cast.rig.is_frozen
+    select()
+    cast.play()
+
+
+def test_freezing_plays_nothing_for_ghosts(cast):
+    cast.record()
+    toggle(cast)
+    played = []
+
+    def look(scene, *_):
+        played.append(scene.frame_current)
+
+    bpy.app.handlers.frame_change_pre.append(look)
+    select(cast.frozen[0])
+    try:
+        assert bpy.ops.object.sinew_freeze() == {"FINISHED"}
+    finally:
+        bpy.app.handlers.frame_change_pre.remove(look)
+    assert played == []
+
+
+def test_ghosts_keep_no_pose_that_the_store_has_dropped(cast, settings):
+    toggle(cast)
+    cast.record()
+    pose = weakref.ref(cast.rig.record.at(4).pose)
+    assert pose() is not None and not cast.rig.skins.lacks(4, cast.rig.record.at(4))
+    cast.rig.record.drop_frame(4)
+    assert pose() is None
+
+
+def test_what_cannot_be_drawn_any_more_leaves_the_graphics_card(cast, settings, monkeypatch):
+    settings.before, settings.after, settings.step = 2, 2, 1
+    drawing = addon_module("ui.ghost_drawing")
+    toggle(cast)
+    cast.record()
+    cast.scene.frame_set(5)
+    drawn = drawings()
+    assert len(drawn) == 8
+    monkeypatch.setattr(drawing, "_batches", {each.ghost.key: (each.ghost.shape, None) for each in drawn})
+    monkeypatch.setattr(drawing, "_triangles", {each.ghost.key[0]: (each.ghost.shape.topology, None) for each in drawn})
+    drawing.forget_all_but([])  # they are spare
+    assert len(drawing._batches) == 8 and len(drawing._triangles) == 2
+    for key in cast.rig.skins.shapes:
+        cast.rig.skins.shapes[key].drop_frame(4)
+    drawing.forget_all_but([])
+    assert len(drawing._batches) == 6
+    toggle(cast)
+    drawing.forget_all_but([])
+    assert not drawing._batches and not drawing._triangles
 
 
 def test_another_file_has_no_ghosts(cast, settings):

@@ -4,6 +4,7 @@ A shape is kept together with the recorded pose that it was made in, and counts 
 that pose: an edit that drops frames of a record drops their ghosts as well. Whatever else changes a shape (weights,
 modifiers, the mesh) is noticed by comparing, on each frame that is evaluated."""
 
+import weakref
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from time import perf_counter
@@ -32,7 +33,7 @@ class Shape(NamedTuple):
     positions: np.ndarray  # (V, 3) float32, space of the object
     matrix: np.ndarray  # (4, 4) float32, to world space
     topology: Topology
-    moment: Any  # what the record held on that frame
+    pose: Any  # weak reference to the pose that the record held on that frame: the store alone keeps it
 
     @property
     def nbytes(self) -> int:
@@ -55,17 +56,24 @@ class Skins:
     object_count: int = 0  # of the file, when they were found
     shapes: dict[int, records.Record] = field(default_factory=dict)  # by key of the object
     topologies: dict[int, Topology] = field(default_factory=dict)  # likewise
-    seen: dict[int, Any] = field(default_factory=dict)  # what the record held when a frame's shapes were kept
+    # Weak references to the poses that the record held when a frame's shapes were kept.
+    seen: dict[int, Any] = field(default_factory=dict)
 
     def shape(self, key: int, frame: int, moment: Any) -> Shape | None:
         """Returns the shape of a mesh object on a frame, if it is from the pose that is recorded there."""
         record = self.shapes.get(key)
         found = record.at(frame) if record is not None else None
-        return found if found is not None and found.moment is moment else None
+        return found if found is not None and moment is not None and found.pose() is moment.pose else None
 
     def lacks(self, frame: int, moment: Any) -> bool:
         """Whether a frame has to be played for its shapes."""
-        return self.seen.get(frame) is not moment
+        found = self.seen.get(frame)
+        return found is None or moment is None or found() is not moment.pose
+
+    def see(self, frame: int, moment: Any) -> None:
+        """Notes that a frame need not be played for its shapes."""
+        if moment is not None:
+            self.seen[frame] = weakref.ref(moment.pose)
 
     def drop(self, key: int) -> None:
         """Discards all shapes of one mesh object."""
@@ -98,6 +106,12 @@ def shown() -> list[rigs.Rig]:
     return [rig for rig in rigs.known() if rig.skins is not None]
 
 
+def is_kept(key: tuple[int, int], shape: Shape) -> bool:
+    """Whether a shape, of a mesh object on a frame, may be shown again."""
+    records_of = (rig.skins.shapes.get(key[0]) for rig in shown())
+    return any(record is not None and record.at(key[1]) is shape for record in records_of)
+
+
 def is_complete(rig: rigs.Rig, scene: Any) -> bool:
     """Whether no frame of the range has to be played for a character's ghosts."""
     return not recording.missing(rig, scene)
@@ -127,7 +141,7 @@ def fill(scene: Any, frames: Iterable[int]) -> bool:
                 graph, moment = evaluated_on(frame), rig.record.at(frame)
                 if moment is not None and rigs.is_shown(rig, graph, moment):
                     _keep_frame(rig, graph, frame, moment)
-                rig.skins.seen[frame] = moment  # and is not tried again
+                rig.skins.see(frame, moment)  # and is not tried again
                 if perf_counter() - began > SECONDS:
                     return True
     return is_any
@@ -184,7 +198,7 @@ def _keep_all(scene: Any, graph: Any) -> None:
 def _keep_frame(rig: rigs.Rig, graph: Any, frame: int, moment: Any) -> None:
     for ob in rig.skins.objects:
         _keep(rig.skins, ob, graph, frame, moment)
-    rig.skins.seen[frame] = moment
+    rig.skins.see(frame, moment)
 
 
 def _look_at_edits(rig: rigs.Rig, graph: Any) -> None:
@@ -215,7 +229,7 @@ def _keep(skins: Skins, ob: Any, graph: Any, frame: int, moment: Any) -> None:
     topology = _topology(skins, key, evaluated.data)
     if topology is not None:
         record = skins.shapes.setdefault(key, records.Record(rigs.store))
-        record.put(frame, Shape(positions, matrix, topology, moment))
+        record.put(frame, Shape(positions, matrix, topology, weakref.ref(moment.pose)))
 
 
 def _topology(skins: Skins, key: int, mesh: Any) -> Topology | None:

@@ -48,11 +48,11 @@ def animated_armatures(layer: bpy.types.ViewLayer) -> list[Any]:
 
 
 def steps(
-    scene: bpy.types.Scene, layer: bpy.types.ViewLayer, armatures: Iterable[Any]
+    scene: bpy.types.Scene, layer: bpy.types.ViewLayer, armatures: Iterable[Any], plays_for_ghosts: bool = True
 ) -> Generator[tuple[float, str], None, None]:
     """Plays what is not recorded yet of these armature objects, as a generator that yields (share done, what comes
     next) and may be closed early. The scene returns to its frame. Those with changes that playing would lose are left
-    out."""
+    out. plays_for_ghosts: also frames of which only the shapes are missing that onion skins need."""
     layer.update()  # what was edited just now is dropped from the records
     now, own = rigs.whole_frame(scene), [rigs.learn(each) for each in armatures]
     freezing.settle(layer.depsgraph)
@@ -65,13 +65,9 @@ def steps(
     for rig in own:
         if rig.source.is_proven and not rig.source.compared and comparing.compare(rig, scene):
             freezing.keep_frozen(scene, layer)
-    first, last = frame_range(scene)
-    computing.fill(own, range(first, last + 1))
+    yield from _compute(own, scene)
     wanted = [rig for rig in own if rig.is_wanted]
-    lacking = {rig.key: missing(rig, scene) for rig in own}
-    for rig in own:
-        if now is not None and now not in rig.record:
-            lacking[rig.key].append(now)
+    lacking = {rig.key: _to_play(rig, scene, now, plays_for_ghosts) for rig in own}
     frames = sorted({frame for each in lacking.values() for frame in each})
     freezing.thaw([rig for rig in own if lacking[rig.key]], scene, layer)
     frame, subframe = scene.frame_current, scene.frame_subframe
@@ -84,3 +80,25 @@ def steps(
             scene.frame_set(frame, subframe=subframe)
         for rig in wanted:
             freezing.want(rig)
+
+
+def _compute(own: list[rigs.Rig], scene: bpy.types.Scene) -> Generator[tuple[float, str], None, None]:
+    """Records the range of those that are computed, as steps, until what is computed only takes the room of the frames
+    before."""
+    first, last = frame_range(scene)
+    for start in range(first, last + 1, computing.FRAMES_AT_ONCE):
+        able = [rig for rig in own if rig.source.is_proven]
+        if start > first and all(first not in rig.record for rig in able):
+            return
+        yield (start - first) / (last + 1 - first), f"computing frame {start}"
+        computing.fill(able, range(start, min(start + computing.FRAMES_AT_ONCE, last + 1)))
+
+
+def _to_play(rig: rigs.Rig, scene: bpy.types.Scene, now: int | None, plays_for_ghosts: bool) -> list[int]:
+    """Returns the frames that have to be played, without those for which there was no room if they are computed."""
+    first, last = frame_range(scene)
+    frames = [*range(first, last + 1), *([now] if now is not None else ())]
+    found = [] if rig.source.is_proven else [frame for frame in frames if frame not in rig.record]
+    if plays_for_ghosts:
+        found += [frame for frame in frames if frame in rig.record and lacks(rig, frame)]
+    return found

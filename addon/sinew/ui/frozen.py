@@ -66,12 +66,15 @@ class Freezes(InSteps):
         return can_change(context)
 
     def invoke(self: Any, context, _event):
-        return self.begin(context, recording.steps(context.scene, context.view_layer, self.armatures(context)))
+        return self.begin(context, self._steps_of(context))
 
     def execute(self: Any, context):
-        for _step in recording.steps(context.scene, context.view_layer, self.armatures(context)):
+        for _step in self._steps_of(context):
             pass
         return self.finish(context, None)
+
+    def _steps_of(self: Any, context):
+        return recording.steps(context.scene, context.view_layer, self.armatures(context), False)
 
     def finish(self: Any, context, _value):
         own = [rigs.learn(each) for each in self.armatures(context)]

@@ -73,6 +73,7 @@ def stop() -> None:
 def _draw() -> None:
     context = bpy.context
     if not context.space_data.overlay.show_overlays or not ghosts.shown():
+        forget_all_but([])
         return
     drawn = drawings(context)
     view = context.region_data
@@ -95,15 +96,20 @@ def _draw() -> None:
     gpu.state.blend_set("NONE")
     gpu.state.depth_mask_set(False)
     gpu.state.depth_test_set("NONE")
-    _forget_all_but(drawn)
+    forget_all_but(drawn)
 
 
-def _forget_all_but(drawn: list[Drawing]) -> None:
-    """Discards batches that are not shown any more, once there are too many: the next frames show some of them
-    again, and another view may show others."""
+def forget_all_but(drawn: list[Drawing]) -> None:
+    """Discards batches that cannot be shown any more, and others that are not shown once there are too many: the next
+    frames show some of them again, and another view may show others."""
     keys = {each.ghost.key for each in drawn}
+    for key, (shape, _batch) in list(_batches.items()):
+        if not ghosts.is_kept(key, shape):
+            del _batches[key]
     for key in list(_batches.keys() - keys)[: max(len(_batches) - MOST_SPARE - len(keys), 0)]:
         del _batches[key]
+    for key in _triangles.keys() - {key for key, _frame in _batches}:
+        del _triangles[key]
 
 
 def _batch(ghost: ghosts.Ghost) -> Any:
