@@ -9,6 +9,7 @@
 #include <map>
 #include <string>
 #include <unordered_map>
+#include <vector>
 
 #include "arrays.h"
 
@@ -72,6 +73,7 @@ class Entries {
   Entries(const py::handle& object, std::string_view owner, std::string_view part = "") : owner_(owner), part_(part) {
     if (!PyDict_Check(object.ptr())) wrong(where(), "is not a dictionary");
     dict_ = py::reinterpret_borrow<py::dict>(object);
+    read_.reserve(dict_.size());
   }
 
   std::string_view owner() const { return owner_; }
@@ -79,8 +81,9 @@ class Entries {
 
   /// Returns an entry or an empty handle.
   py::handle find(std::string_view key) {
-    PyObject* const found = PyDict_GetItem(dict_.ptr(), key_of(key));
-    if (found) ++read_;
+    PyObject* const name = key_of(key);
+    PyObject* const found = PyDict_GetItem(dict_.ptr(), name);
+    if (found && std::ranges::find(read_, name) == read_.end()) read_.push_back(name);
     return found;
   }
 
@@ -151,7 +154,7 @@ class Entries {
   /// Throws InputError if there is an entry that nobody has asked for.
   template <class IsKnown>
   void done_with(const IsKnown& is_known) const {
-    if (read_ == dict_.size()) return;
+    if (read_.size() == dict_.size()) return;
     for (const auto& [key, value] : dict_) {
       const std::string name = py::str(key);
       if (!is_known(name)) wrong(where(), "has \"" + name + "\", which is unknown");
@@ -218,7 +221,7 @@ class Entries {
 
   py::dict dict_;
   std::string_view owner_, part_;
-  std::size_t read_ = 0;
+  std::vector<PyObject*> read_;  // keys, each once
 };
 
 /// Reads the parts of a description that refer to each other by name.

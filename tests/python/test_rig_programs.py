@@ -486,6 +486,12 @@ def changed(rig, change):
     [
         (lambda rig: rig.pop("blender"), 'the rig has no "blender"'),
         (lambda rig: rig.update(bone=[]), 'the rig has "bone", which is unknown'),
+        # what is looked up twice does not count for another one
+        (lambda rig: rig.update(bone=[], world=np.eye(4).tolist()), 'the rig has "bone", which is unknown'),
+        (
+            lambda rig: rig["curves"][0].update(modifiers=[{"type": "LIMITS", "range": [1, 2], "blend": 1}]),
+            'a modifier of a curve has "blend", which is unknown',
+        ),
         (lambda rig: rig["bones"][1].update(parent="hip"), 'bone 1 names bone "hip", which the rig does not have'),
         (lambda rig: rig["bones"][1].update(parent=0), 'bone 1 has 0 as "parent"; expected text'),
         (lambda rig: rig["bones"][1].update(length="long"), "bone 1 has 'long' as \"length\"; expected a number"),
