@@ -1,6 +1,6 @@
 """Finds what data-blocks use and follow."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import bpy
@@ -69,9 +69,10 @@ def with_parents(objects: Iterable[Any]) -> list[Any]:
     """Returns objects and their parents, each one after its parents."""
     found: dict[Any, None] = {}
     for ob in objects:
-        lineage = [ob]
-        while lineage[-1].parent is not None and lineage[-1].parent not in lineage:
-            lineage.append(lineage[-1].parent)
+        lineage: dict[Any, None] = {}
+        while ob is not None and ob not in found and ob not in lineage:
+            lineage[ob] = None
+            ob = ob.parent
         found.update(dict.fromkeys(reversed(lineage)))
     return list(found)
 
@@ -98,12 +99,53 @@ def outside_of(armature: Any) -> list[Any]:
     return list(found)
 
 
-def chain(armature: Any, seen: tuple[Any, ...] = ()) -> list[Any]:
-    """Returns the armature objects whose bones an armature object follows, directly or not, and itself: each one after
-    those that it follows."""
-    own = [each for each in outside_of(armature) if each.type == "ARMATURE" and each not in (*seen, armature)]
-    found = {each: None for leader in own for each in chain(leader, (*seen, armature))}
-    return [*found, armature]
+def leaders_of(armature: Any) -> list[Any]:
+    """Returns the other armature objects whose bones an armature object follows."""
+    return [each for each in outside_of(armature) if each.type == "ARMATURE"]
+
+
+def in_order(armatures: Iterable[Any]) -> list[Any]:
+    """Returns armature objects, and those whose bones they follow, directly or not: each one after those that it
+    follows, unless these follow it, too. Looks at each only once."""
+    found: list[Any] = []
+    begun: set[Any] = set()
+    waiting = [(each, False) for each in reversed(list(armatures))]
+    while waiting:
+        ob, is_behind_its_leaders = waiting.pop()
+        if is_behind_its_leaders:
+            found.append(ob)
+        elif ob not in begun:
+            begun.add(ob)
+            waiting.append((ob, True))
+            waiting += [(each, False) for each in reversed(leaders_of(ob)) if each not in begun]
+    return found
+
+
+def chain(armature: Any) -> list[Any]:
+    """Returns the armature objects whose bones an armature object follows, directly or not, and itself, the last."""
+    return in_order([armature])
+
+
+def reaching(
+    objects: Iterable[Any], followed_by: Callable[[Any], Iterable[Any]], is_sought: Callable[[Any], bool]
+) -> set[Any]:
+    """Returns those of these objects, and of all that they follow, directly or not, that are sought or follow one that
+    is. Looks at each only once. followed_by: returns what an object follows directly."""
+    following: dict[Any, list[Any]] = {each: [] for each in objects}
+    queue = list(following)
+    for ob in queue:
+        for each in followed_by(ob):
+            if each not in following:
+                following[each] = []
+                queue.append(each)
+            following[each].append(ob)
+    found = dict.fromkeys(filter(is_sought, queue))
+    queue = list(found)
+    for ob in queue:
+        new = [each for each in following[ob] if each not in found]
+        found.update(dict.fromkeys(new))
+        queue += new
+    return set(found)
 
 
 def followed_by(ob: Any) -> list[Any]:

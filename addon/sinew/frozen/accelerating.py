@@ -108,13 +108,14 @@ def _armatures(layer: Any) -> list[Any]:
     seen = [ob for ob in characters.known() if ob.visible_get(view_layer=layer)]
     found = {armature: None for ob in seen for armature in armatures.of_modifiers(ob)}
     worth = [ob for ob in found if _work(ob) >= LEAST_WORK]
-    return [ob for ob in {each: None for ob in worth for each in _with_leaders(ob)} if rigs.moves(ob)]
+    due = dependencies.in_order(ob for ob in worth if not _waits(ob))
+    return rigs.moving(list(dict.fromkeys((*due, *worth))))
 
 
-def _with_leaders(ob: Any) -> list[Any]:
-    """Returns an armature object after those that it follows, which are looked for only if that may help it."""
+def _waits(ob: Any) -> bool:
+    """Whether to find what an armature object follows would not help it now."""
     rig = rigs.get(ob)
-    return [ob] if rig is not None and (rig.is_idle or rig.tries_to_skip) else dependencies.chain(ob)
+    return rig is not None and bool(rig.is_idle or rig.tries_to_skip)
 
 
 def _work(ob: Any) -> int:

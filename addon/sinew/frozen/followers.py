@@ -1,8 +1,9 @@
 """Finds all that follows an armature, or why it could not follow a frozen one."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import bpy
@@ -72,21 +73,23 @@ def find(rigs: Iterable[Any], users: dict[Any, set[Any]], graph: Any) -> dict[An
     """Returns the followers of each original armature object in a graph, or the reason why they cannot all follow a
     frozen one. users: as bpy.data.user_map returns them."""
     found: dict[Any, Followers | NotFreezable] = {}
+    outside_of = cache(dependencies.outside_of)
     for rig in rigs:
         try:
-            found[rig] = _of(rig, users, graph)
+            found[rig] = _of(rig, users, graph, outside_of)
         except NotFreezable as reason:
             found[rig] = reason
     return found
 
 
-def _of(rig: Any, users: dict[Any, set[Any]], graph: Any) -> Followers:
+def _of(rig: Any, users: dict[Any, set[Any]], graph: Any, outside_of: Callable[[Any], list[Any]]) -> Followers:
+    """outside_of: that of dependencies."""
     found, groups = Followers(), set()
     for user in sorted(users.get(rig, set()) | users.get(rig.data, set()), key=lambda each: each.name_full):
         if user in (rig, rig.data):
             continue
         if isinstance(user, bpy.types.Object):
-            _sort_in(rig, user, found, graph)
+            _sort_in(rig, user, found, graph, outside_of)
             continue
         is_of_mesh = isinstance(user, bpy.types.Key) and not isinstance(user.user, bpy.types.Curve)
         driven = _driven_values(user, rig) if is_of_mesh else ()
@@ -105,7 +108,8 @@ def _of(rig: Any, users: dict[Any, set[Any]], graph: Any) -> Followers:
             continue  # it looks at the armature's place, which stays
         elif not isinstance(user, (*_LISTS, bpy.types.Library)) and _is_evaluated(user, graph):
             raise NotFreezable(f"{user.name} uses it in a way that Sinew does not know")
-    found.shaped += [ob for ob in _made_by(groups, users, graph) if ob not in found.objects and ob != rig]
+    sorted_in = {*found.objects, rig}
+    found.shaped += [ob for ob in _made_by(groups, users, graph) if ob not in sorted_in]
     meshes = {keys.user for keys, _numbers in found.keyed} - {ob.data for ob in (*found.hooked, *found.shaped)}
     if meshes:
         found.shaped += [ob for ob in bpy.data.objects if ob.data in meshes and _is_evaluated(ob, graph)]
@@ -161,17 +165,17 @@ def _is_evaluated(block: Any, graph: Any) -> bool:
     return block.evaluated_get(graph).is_evaluated
 
 
-def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any) -> None:
+def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any, outside_of: Callable[[Any], list[Any]]) -> None:
     if nodes.is_canvas(ob) or not _is_evaluated(ob, graph):
         return
     own_drivers = _drivers_on(ob, rig)
     for curve in own_drivers:
         _add_driven(ob, curve, ob.name, rig, found)
     if ob.type == "ARMATURE":
-        if ob.data == rig.data and rig not in dependencies.outside_of(ob):
+        if ob.data == rig.data and rig not in outside_of(ob):
             return  # shares its bones, not its pose
-        if rig in dependencies.outside_of(ob):
-            is_parent = ob in dependencies.with_parents([rig]) and ob not in dependencies.outside_of(rig)
+        if rig in outside_of(ob):
+            is_parent = ob in dependencies.with_parents([rig]) and ob not in outside_of(rig)
             if is_parent:  # Blender evaluates the bones of its children with it
                 raise NotFreezable(f"{rig.name} is a child of {ob.name}, which follows its bones: parent it otherwise")
             has_keys = ob.animation_data and (ob.animation_data.action or ob.animation_data.nla_tracks)
@@ -204,35 +208,46 @@ def _hangs_on(ob: Any, rig: Any) -> bool:
     return is_child or any(rig in dependencies.targets_of(each) for each in ob.constraints)
 
 
-def is_still(ob: Any, rig: Any, seen: tuple[Any, ...] = ()) -> bool:
-    """Whether an object stays where it is, and its shape as it is, unless somebody edits it, or moves with the bones of
-    an armature: then it is evaluated after them, and what follows it again. rig: that armature object; None: bones of
-    all armatures have to stay, too."""
-    if ob in seen or ob == rig:
-        return True
-    data, seen = ob.animation_data, (*seen, ob)
+def not_still(objects: Iterable[Any], rig: Any) -> list[Any]:
+    """Returns the objects that may move, or change their shape, though nobody edits them, and not because of the bones
+    of an armature: what moves with those is evaluated after them, and what follows it again. rig: that armature object;
+    None: bones of all armatures have to stay, too."""
+    objects = [each for each in objects if each != rig]
+
+    def followed_by(ob: Any) -> list[Any]:
+        bones_follow = dependencies.outside_of(ob) if _has_to_stay(ob, rig) else []
+        return [each for each in (*dependencies.followed_by(ob), *bones_follow) if each != rig]
+
+    found = dependencies.reaching(objects, followed_by, lambda ob: _may_move_alone(ob, rig))
+    return [each for each in objects if each in found]
+
+
+def _has_to_stay(ob: Any, rig: Any) -> bool:
+    """Whether an object has bones that have to stay, see not_still."""
+    return rig is None and ob.type == "ARMATURE"
+
+
+def _may_move_alone(ob: Any, rig: Any) -> bool:
+    """Whether an object, or its shape, may change though nothing does that it follows. rig: as for not_still."""
+    data = ob.animation_data
     is_own = ob.type == "MESH" and ob.sinew.is_bound
     drivers = [] if data is None else [each for each in data.drivers if not (is_own and hook_of(ob) == each)]
-    bones: Any = ()
-    followed = dependencies.followed_by(ob)
-    if rig is None and ob.type == "ARMATURE":
-        bones = ob.pose.bones if ob.pose is not None else ()
-        followed = [*followed, *dependencies.outside_of(ob)]
+    bones: Any = ob.pose.bones if _has_to_stay(ob, rig) and ob.pose is not None else ()
     return (
-        not (data is not None and (data.action is not None or drivers or data.nla_tracks))
-        and not any(each.type in TIMED for owner in (ob, *bones) for each in owner.constraints)
-        and all(each.type == "ARMATURE" or is_own and each.type == "NODES" for each in ob.modifiers)
-        and ob.rigid_body is None
-        and (ob.data is None or getattr(ob.data, "animation_data", None) is None)
-        and getattr(ob.data, "shape_keys", None) is None
-        and all(is_still(each, rig, seen) for each in followed)
+        data is not None
+        and (data.action is not None or bool(drivers) or bool(data.nla_tracks))
+        or any(each.type in TIMED for owner in (ob, *bones) for each in owner.constraints)
+        or any(each.type != "ARMATURE" and not (is_own and each.type == "NODES") for each in ob.modifiers)
+        or ob.rigid_body is not None
+        or getattr(ob.data, "animation_data", None) is not None
+        or getattr(ob.data, "shape_keys", None) is not None
     )
 
 
 def moving(rig: Any, outside: Iterable[Any]) -> list[Any]:
     """Returns those objects, armatures left out, that may move by themselves. outside: what an armature object follows,
     as dependencies.outside_of returns it."""
-    return [each for each in outside if each.type != "ARMATURE" and not is_still(each, rig)]
+    return not_still((each for each in outside if each.type != "ARMATURE"), rig)
 
 
 def unkeyed(rig: Any, scene: Any) -> str:
@@ -296,7 +311,7 @@ def check_place(rig: Any) -> None:
         raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
     if rig.parent is not None and rig.parent.type == "ARMATURE" and rig.parent_type == "OBJECT":
         check_place(rig.parent)
-    elif rig.parent is not None and not is_still(rig.parent, rig):
+    elif rig.parent is not None and not_still([rig.parent], rig):
         raise NotFreezable(f"{rig.name} is a child of {rig.parent.name}, which moves or may move")
     if rig.rigid_body is not None:
         raise NotFreezable(f"{rig.name} is simulated")

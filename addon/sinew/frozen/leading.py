@@ -55,7 +55,7 @@ def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Out
     read_numbers = [
         (block, path) for block, path in numbers.read.values() if not _is_plain(block, path, animated[block])
     ]
-    is_led = {block: _is_led(block, ob) for block, _what in (*placed, *read_numbers)}
+    is_led = _are_led(dict.fromkeys(block for block, _what in (*placed, *read_numbers)), ob)
     for name, (block, bone) in read.outside.items():
         if bone and is_led[block] and read.read_as.get(name) == targets.BASIS:
             raise curves.Refused(f"{ob.name} reads {bone} of {block.name}, which moves, in transform space")
@@ -84,24 +84,27 @@ def _is_plain(block: Any, path: str, animated: tuple[str, ...]) -> bool:
     return isinstance(block, bpy.types.Object) and path.startswith('["') and not path.startswith(animated)
 
 
-def _is_led(block: Any, ob: bpy.types.Object) -> bool:
-    """Whether what an armature object reads of a data-block moves with the bones of another armature. Raises
-    ValueError."""
-    if not _may_change(block):
-        return False
-    if not isinstance(block, bpy.types.Object) or block.type != "ARMATURE":
-        why = objects.why_not(block) if isinstance(block, bpy.types.Object) else ""
-        raise curves.Refused(f"{ob.name} follows {block.name}, which may move{why and ': ' + why}")
-    followers.check_place(block)
-    if ob in dependencies.chain(block):
-        raise curves.Refused(f"{ob.name} and {block.name} follow each other")
-    return True
+def _are_led(blocks: Iterable[Any], ob: bpy.types.Object) -> dict[Any, bool]:
+    """Returns whether what an armature object reads of each of these data-blocks moves with the bones of another
+    armature. Raises ValueError."""
+    blocks = list(blocks)
+    own = [each for each in blocks if isinstance(each, bpy.types.Object)]
+    moving = set(followers.not_still(own, None))
+    led = [each for each in own if each in moving and each.type == "ARMATURE"]
+    mutual = dependencies.reaching(led, dependencies.leaders_of, lambda each: each == ob)
+    found = {each: each in moving if isinstance(each, bpy.types.Object) else _may_change(each) for each in blocks}
+    for block in (each for each in blocks if found[each]):
+        if block not in led:
+            why = objects.why_not(block) if isinstance(block, bpy.types.Object) else ""
+            raise curves.Refused(f"{ob.name} follows {block.name}, which may move{why and ': ' + why}")
+        followers.check_place(block)
+        if block in mutual:
+            raise curves.Refused(f"{ob.name} and {block.name} follow each other")
+    return found
 
 
 def _may_change(block: Any) -> bool:
-    """Whether time, or the pose of an armature, may change a data-block that nobody edits."""
-    if isinstance(block, bpy.types.Object):
-        return not followers.is_still(block, None)
+    """Whether time may change a data-block, no object, that nobody edits."""
     data = getattr(block, "animation_data", None)
     is_animated = data is not None and (data.action is not None or data.nla_tracks or data.drivers)
     return bool(is_animated) or isinstance(block, bpy.types.Scene)
@@ -110,7 +113,7 @@ def _may_change(block: Any) -> bool:
 def in_order(own: Iterable[rigs.Rig]) -> list[rigs.Rig]:
     """Returns armatures with each one after those that it follows."""
     by_key = {rig.key: rig for rig in own}
-    order = {values.key_of(each): None for rig in by_key.values() for each in dependencies.chain(rig.ob)}
+    order = map(values.key_of, dependencies.in_order(rig.ob for rig in by_key.values()))
     return [by_key[key] for key in order if key in by_key]
 
 

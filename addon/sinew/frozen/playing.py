@@ -85,8 +85,10 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
         if not rig.is_frozen:
             freezing.look_at_keys(rig, graph, is_new_frame)
     anew = {rig.ob for rig in own if rig.shown is None}
-    for rig in own if anew else ():
-        if not rig.is_frozen and not anew.isdisjoint(dependencies.chain(rig.ob)):
+    posed = [rig for rig in own if not rig.is_frozen] if anew else []
+    reached = dependencies.reaching((rig.ob for rig in posed), dependencies.leaders_of, anew.__contains__)
+    for rig in posed:
+        if rig.ob in reached:
             rig.shown = None
     own = [rig for rig in own if rig.is_frozen or rig.shown is None or rig.shown != frame]
     if not reasons:

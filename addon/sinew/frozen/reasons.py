@@ -202,7 +202,7 @@ def check(rig: Any, layer: Any) -> list[Any]:
         if timed is not None:
             raise NotFreezable(f"{timed.name} of {rig.name}'s bone {bone.name} may change on each frame by itself")
     followers.check_moving(rig, moving, layer)
-    return [each for each in outside if each.type == "ARMATURE" and not followers.is_still(each, None)]
+    return followers.not_still((each for each in outside if each.type == "ARMATURE"), None)
 
 
 def _plays_clip(rig: Any) -> bool:

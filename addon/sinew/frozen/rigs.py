@@ -53,7 +53,7 @@ class Source:
     blender_milliseconds: float = 0.0
 
 
-@dataclass
+@dataclass(eq=False)
 class Rig:
     """An armature that is recorded, and may be frozen, with all that follows it."""
 
@@ -237,13 +237,29 @@ def is_hidden(rig: Rig, graph: Any) -> bool:
 def is_without_keys(rig: Rig, graph: Any) -> bool:
     """Whether a graph evaluates no keyframes of an armature: its relations are those that `freezing` has built. A copy
     that Blender has made since has the action and tracks, but the graph has not."""
-    evaluated = evaluated_copy(rig, graph)
+    found = {rig: None}
+    queue = [rig]
+    for each in queue:
+        evaluated = evaluated_copy(each, graph)
+        if evaluated is None or has_animation(each.ob):
+            if not _has_lost_keys(each, evaluated, graph):
+                return False
+            continue
+        new = [leader for leader in _leaders_of(each) if leader not in found]  # it is as those that it follows
+        found.update(dict.fromkeys(new))
+        queue += new
+    return True
+
+
+def _leaders_of(rig: Rig) -> list[Rig]:
+    if rig.source.program is not None:
+        return [each.rig for each in rig.source.leaders]
+    # To look for them takes as long as a frame.
+    return [each for each in map(get, dependencies.chain(rig.ob)[:-1]) if each is not None]
+
+
+def _has_lost_keys(rig: Rig, evaluated: Any, graph: Any) -> bool:
     data = evaluated.animation_data if evaluated is not None else None
-    if evaluated is not None and not has_animation(rig.ob):  # it is as those that it follows
-        leaders: Any = [each.rig for each in rig.source.leaders]
-        if rig.source.program is None:  # to look for them takes as long as a frame
-            leaders = map(get, dependencies.chain(rig.ob)[:-1])
-        return all(is_without_keys(each, graph) for each in leaders if each is not None)
     if data is None:
         return False
     if data.action is None and not len(data.nla_tracks):
@@ -419,10 +435,14 @@ def has_animation(ob: Any) -> bool:
 
 def moves(ob: Any) -> bool:
     """Whether an armature object has keyframes, or what it follows has."""
-    rig = get(ob)
-    if has_animation(ob) or rig is not None and rig.is_idle or any(map(has_animation, dependencies.chain(ob))):
-        return True
-    return bool(followers.moving(ob, dependencies.outside_of(ob)))
+    return bool(moving([ob]))
+
+
+def moving(armatures: Sequence[Any]) -> list[Any]:
+    """Returns those of these armature objects that have keyframes, or follow what has."""
+    found = dependencies.reaching(armatures, dependencies.leaders_of, has_animation)
+    found |= {ob for ob in armatures if (rig := get(ob)) is not None and rig.is_idle}
+    return [ob for ob in armatures if ob in found or followers.moving(ob, dependencies.outside_of(ob))]
 
 
 def follows_only_objects(rig: Rig) -> bool:

@@ -1,0 +1,120 @@
+"""What is done while nobody works looks at each part of a file once, however large that is and however its parts follow
+each other. The tests count how often things are asked, and stop what asks too often: no test measures time."""
+
+from contextlib import contextmanager
+
+import bpy
+import pytest
+
+from characters import constrain, make_armature
+from helpers import addon_module, depsgraph, needs_rig_programs
+
+pytestmark = needs_rig_programs
+LINKS, RIGS = 60, 200  # which must not be walked along each path, of which there are 2 ** LINKS
+
+
+@contextmanager
+def at_most(most, where, name):
+    """Counts the calls of a function, and fails at the first one that is too many."""
+    function, calls = getattr(where, name), []
+
+    def counted(*arguments, **named):
+        calls.append(arguments)
+        assert len(calls) <= most, f"{name} was called more than {most} times"
+        return function(*arguments, **named)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(where, name, counted)
+        yield calls
+
+
+def chain_of_links():
+    """Returns the last of objects that follow the one before by two constraints each."""
+    last = None
+    for number in range(LINKS):
+        ob = bpy.data.objects.new(f"link {number}", None)
+        bpy.context.collection.objects.link(ob)
+        for kind in ("COPY_LOCATION", "COPY_ROTATION") if last is not None else ():
+            ob.constraints.new(kind).target = last
+        last = ob
+    return last
+
+
+def bare_armatures(number):
+    """Returns armatures of one bone each, which are not linked to any scene's collection."""
+    first = bpy.data.armatures.new("One Bone")
+    ob = bpy.data.objects.new("rig 0", first)
+    bpy.context.collection.objects.link(ob)
+    bpy.context.view_layer.objects.active = ob
+    bpy.ops.object.mode_set(mode="EDIT")
+    first.edit_bones.new("bone").tail = (0, 0, 1)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    found = [ob]
+    for i in range(1, number):
+        found.append(bpy.data.objects.new(f"rig {i}", first))
+        bpy.context.collection.objects.link(found[-1])
+    depsgraph().update()
+    return found
+
+
+def test_a_chain_of_objects_is_walked_once(fresh_scene):
+    dependencies, followers = addon_module("blender.dependencies"), addon_module("frozen.followers")
+    armature, last = make_armature(), chain_of_links()
+    constrain(armature, "bone2", "COPY_LOCATION", target=last)
+    with at_most(LINKS, dependencies, "followed_by"):
+        assert followers.moving(armature, dependencies.outside_of(armature)) == []
+    bpy.data.objects["link 0"].keyframe_insert("location")
+    with at_most(LINKS, dependencies, "followed_by"):
+        assert followers.moving(armature, dependencies.outside_of(armature)) == [last]
+
+
+def test_a_circle_of_objects_stays_unless_one_of_them_moves(fresh_scene):
+    followers, last = addon_module("frozen.followers"), chain_of_links()
+    first = bpy.data.objects["link 0"]
+    first.constraints.new("COPY_SCALE").target = last
+    assert followers.not_still([first, last], None) == []
+    bpy.data.objects["link 7"].keyframe_insert("location")
+    assert followers.not_still([first, last], None) == [first, last]
+
+
+@pytest.mark.parametrize("steps", ((1, 2), (-1, 1)), ids=("in a circle", "mutually"))
+def test_rigs_that_follow_each_other_are_walked_once(fresh_scene, steps):
+    names = "blender.dependencies", "frozen.rigs", "frozen.leading"
+    dependencies, rigs, leading = map(addon_module, names)
+    own = bare_armatures(RIGS)
+    for i, ob in enumerate(own):
+        for step in steps:
+            constrain(ob, "bone", "COPY_ROTATION", target=own[(i + step) % RIGS], subtarget="bone")
+    with at_most(RIGS, dependencies, "outside_of"):
+        assert set(dependencies.chain(own[0])) == set(own)
+    known = list(map(rigs.learn, own))
+    with at_most(RIGS, dependencies, "outside_of"):
+        assert len(leading.in_order(known)) == RIGS
+    with at_most(2 * RIGS, dependencies, "outside_of"):  # for rigs, then for what else each of them follows
+        assert rigs.moving(own) == []
+    own[-1].keyframe_insert("location")
+    assert rigs.moving(own) == own
+
+
+def test_a_rig_comes_after_those_that_it_follows(fresh_scene):
+    dependencies, own = addon_module("blender.dependencies"), bare_armatures(9)
+    for i, ob in enumerate(own[:-1]):
+        for leader in own[i + 1 :]:
+            constrain(ob, "bone", "COPY_ROTATION", target=leader, subtarget="bone")
+    assert dependencies.chain(own[0]) == own[::-1]
+    assert dependencies.in_order([own[5], own[0]]) == own[::-1]
+
+
+def test_each_of_many_leaders_is_asked_for_keyframes_once(fresh_scene):
+    """Of rigs without keyframes, each of which follows all those before it."""
+    rigs, own = addon_module("frozen.rigs"), bare_armatures(LINKS)
+    for i, ob in enumerate(own):
+        for leader in own[:i]:
+            constrain(ob, "bone", "COPY_ROTATION", target=leader, subtarget="bone")
+    known = [rigs.learn(ob) for ob in own]
+    for i, rig in enumerate(known):
+        rig.source.program = object()
+        rig.source.leaders = tuple(addon_module("frozen.leading").Leader(each, None, {}, {}) for each in known[:i])
+    graph = depsgraph()
+    with at_most(LINKS, rigs, "evaluated_copy"):
+        assert rigs.is_without_keys(known[-1], graph)
