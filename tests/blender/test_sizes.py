@@ -1,6 +1,7 @@
 """What is done while nobody works looks at each part of a file once, however large that is and however its parts follow
 each other. The tests count how often things are asked, and stop what asks too often: no test measures time."""
 
+import itertools
 from contextlib import contextmanager
 
 import bpy
@@ -8,6 +9,8 @@ import pytest
 
 from characters import constrain, make_armature
 from helpers import addon_module, depsgraph, needs_rig_programs
+from test_accelerated_rigs import accelerate, accelerating, evaluations, keep_live
+from test_frozen import Cast, freezing, layer
 
 pytestmark = needs_rig_programs
 LINKS, RIGS = 60, 200  # which must not be walked along each path, of which there are 2 ** LINKS
@@ -16,16 +19,16 @@ LINKS, RIGS = 60, 200  # which must not be walked along each path, of which ther
 @contextmanager
 def at_most(most, where, name):
     """Counts the calls of a function, and fails at the first one that is too many."""
-    function, calls = getattr(where, name), []
+    function, numbers = getattr(where, name), itertools.count(1)
 
     def counted(*arguments, **named):
-        calls.append(arguments)
-        assert len(calls) <= most, f"{name} was called more than {most} times"
+        is_too_often = next(numbers) > most
+        assert not is_too_often, f"{name} was called more than {most} times"
         return function(*arguments, **named)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(where, name, counted)
-        yield calls
+        yield
 
 
 def chain_of_links():
@@ -111,10 +114,54 @@ def test_each_of_many_leaders_is_asked_for_keyframes_once(fresh_scene):
     for i, ob in enumerate(own):
         for leader in own[:i]:
             constrain(ob, "bone", "COPY_ROTATION", target=leader, subtarget="bone")
-    known = [rigs.learn(ob) for ob in own]
+    graph, known = depsgraph(), [rigs.learn(ob) for ob in own]
     for i, rig in enumerate(known):
         rig.source.program = object()
         rig.source.leaders = tuple(addon_module("frozen.leading").Leader(each, None, {}, {}) for each in known[:i])
-    graph = depsgraph()
-    with at_most(LINKS, rigs, "evaluated_copy"):
+    with at_most(LINKS, rigs, "evaluated_copy"), at_most(0, addon_module("blender.dependencies"), "outside_of"):
         assert rigs.is_without_keys(known[-1], graph)
+
+
+class Asked(set):
+    """A set that is not asked too often what is in it."""
+
+    left = 300
+
+    def __contains__(self, each):
+        self.left -= 1
+        assert self.left > 0, "each frame is looked at"
+        return super().__contains__(each)
+
+
+@pytest.fixture
+def cast(fresh_scene, monkeypatch):
+    monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
+    cast = Cast(fresh_scene)
+    keep_live(cast)
+    return cast
+
+
+def test_frames_of_a_long_range_are_compared_without_looking_at_all(cast):
+    cast.scene.frame_start, cast.scene.frame_end = 1, 1_048_574
+    freezing().freeze_again(cast.scene, layer())
+    while not cast.rig.source.is_proven:
+        assert accelerating().step(cast.scene, layer(), evaluations())
+    cast.rig.source.compared = Asked()
+    addon_module("frozen.comparing").compare(cast.rig, cast.scene)
+    freezing().keep_frozen(cast.scene, layer())
+    assert len(cast.rig.source.compared) > 1
+    cast.rig.source.compared = Asked()
+    accelerate(cast)
+    assert accelerating().compare_more(cast.scene, layer())
+    assert len(cast.rig.source.compared) > 2 and not cast.rig.source.is_compared
+    cast.play()
+
+
+@pytest.mark.parametrize("compared", (set(), {3, 7, 200}, set(range(-4, 20)), set(range(-10, 100))))
+def test_each_frame_that_was_not_compared_comes_once(compared):
+    frames = range(-5, 25)
+    found = list(addon_module("frozen.comparing").lacking(frames, compared))
+    assert sorted(found) == [frame for frame in frames if frame not in compared]
+    assert len(found) < 3 or any(
+        list(addon_module("frozen.comparing").lacking(frames, compared)) != found for _ in range(20)
+    )

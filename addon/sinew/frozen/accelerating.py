@@ -91,7 +91,7 @@ def compare_more(scene: Any, layer: Any) -> bool:
     while. Returns False if there is none left."""
     for rig in rigs.frozen():
         if rig.needs_program and rig.source.is_proven and rig.scene == scene and not rig.source.is_compared:
-            if comparing.compare(rig, scene, len(range(scene.frame_start, scene.frame_end + 1))):
+            if comparing.compare(rig, scene, None):
                 freezing.thaw([rig] if rig.source.refusal else [], scene, layer)
             return True
     return False

@@ -2,6 +2,8 @@
 which Blender evaluates elsewhere."""
 
 import random
+from collections.abc import Iterator
+from itertools import islice
 from statistics import median
 from time import perf_counter
 
@@ -16,11 +18,29 @@ MOST_FRAMES = 16  # before a rig is accelerated
 SECONDS = 0.1  # after which no other frame is begun
 
 
-def compare(rig: rigs.Rig, scene: bpy.types.Scene, most_frames: int = MOST_FRAMES) -> bool:
+def lacking(frames: range, compared: set[int]) -> Iterator[int]:
+    """Yields the frames that were not compared, in random order. A scene may have a million, so what is not asked for
+    takes no time."""
+    chance = random.Random()
+    if 2 * len(compared) > len(frames):  # to compare these has taken longer than to list the others
+        left = [frame for frame in frames if frame not in compared]
+        yield from chance.sample(left, len(left))
+        return
+    moved: dict[int, int] = {}  # of a list of all frames that is shuffled while it is read: what was put elsewhere
+    for place in range(len(frames)):
+        other = chance.randrange(place, len(frames))
+        frame = frames[moved.get(other, other)]
+        moved[other] = moved.get(place, place)
+        if frame not in compared:
+            yield frame
+
+
+def compare(rig: rigs.Rig, scene: bpy.types.Scene, most_frames: int | None = MOST_FRAMES) -> bool:
     """Compares a program that was proven on the scene's frame with Blender on others, to the bit. If any differs, there
     is no program. Nothing is compared while the armature, or what it follows, has been edited without a key, and no
-    other frame if keyframes change anything else that it needs. Call it in the main thread, outside an evaluation.
-    Returns whether Blender has evaluated, so that freezing.keep_frozen has to follow."""
+    other frame if keyframes change anything else that it needs. most_frames: None for all for which there is time.
+    Call it in the main thread, outside an evaluation. Returns whether Blender has evaluated, so that
+    freezing.keep_frozen has to follow."""
     old, new = changes.tempo_of(scene)
     if old != new:  # since the program was read
         changes.drop_all(rig)
@@ -33,14 +53,14 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene, most_frames: int = MOST_FRAME
     source.compared.add(scene.frame_current)
     if not all(isinstance(each, bpy.types.Object) and (each in chain or not objects.why_not(each)) for each in used):
         return False
-    lacking = [frame for frame in range(scene.frame_start, scene.frame_end + 1) if frame not in source.compared]
-    source.is_compared = not lacking
-    if not lacking:
+    frames = range(scene.frame_start, scene.frame_end + 1)
+    source.is_compared = next(lacking(frames, source.compared), None) is None
+    if source.is_compared:
         return False
     own_spent, blender_spent = [], []
     with elsewhere.on_frames([rig.ob], scene) as evaluated_on:
         began = perf_counter()
-        for frame in random.Random().sample(lacking, min(len(lacking), most_frames)):
+        for frame in islice(lacking(frames, source.compared), most_frames):
             start = perf_counter()
             moment = computing.moment(rig, frame)
             own_spent.append(1e3 * (perf_counter() - start))
