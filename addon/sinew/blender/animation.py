@@ -111,6 +111,21 @@ def _is_full(strip: bpy.types.NlaStrip) -> bool:
     return strip.type == "CLIP" and strip.blend_type in ("REPLACE", "COMBINE") and not is_faded
 
 
+def count_at(block: bpy.types.ID, path: str) -> float:
+    """Returns how many numbers there are at a path of a data-block; 0 if there is nothing, infinitely many if it is no
+    array, of which Blender ignores the index. A curve with a higher index sets nothing."""
+    try:
+        value = block.path_resolve(path)
+    except ValueError:
+        return 0
+    return len(value) if hasattr(value, "__len__") and not isinstance(value, (str, set)) else math.inf
+
+
+def sets_nothing(block: bpy.types.ID, curve: bpy.types.FCurve) -> bool:
+    """Whether Blender passes over a curve because a data-block has nothing that it could set."""
+    return curve.array_index >= count_at(block, curve.data_path)
+
+
 def unkeyed_path(block: bpy.types.ID, time: float) -> str:
     """Returns the path of a property that is not as the keyframes of a data-block's own action set it, "" if there is
     none or NLA strips mix."""
@@ -119,12 +134,9 @@ def unkeyed_path(block: bpy.types.ID, time: float) -> str:
         return ""
     driven = {(curve.data_path, curve.array_index) for curve in data.drivers}
     for curve in slot_curves(block):
-        if curve.mute or (curve.data_path, curve.array_index) in driven:
+        if curve.mute or (curve.data_path, curve.array_index) in driven or sets_nothing(block, curve):
             continue
-        try:
-            value = block.path_resolve(curve.data_path)
-        except ValueError:
-            continue
+        value = block.path_resolve(curve.data_path)
         value = value[curve.array_index] if hasattr(value, "__len__") and not isinstance(value, str) else value
         keyed = _within_limits(block, curve.data_path, curve.evaluate(time))
         off = 0.0 if isinstance(value, float) else 0.999  # Blender rounds whole numbers
@@ -145,7 +157,8 @@ def _within_limits(block: bpy.types.ID, path: str, value: float) -> float:
 
 def stays(ob: bpy.types.Object, curve: bpy.types.FCurve) -> bool:
     """Whether a curve of keyframes sets, on all frames, a number of an object's place to what it is now: as importers
-    key the place of an armature that does not move. Strips that mix several values have to find it at its default."""
+    key the place of an armature that does not move. Strips that mix several values have to find it at its default.
+    curve: one that sets something."""
     if curve.data_path not in PLACE or curve.driver is not None:
         return False
     points, value = curve.keyframe_points, getattr(ob, curve.data_path)[curve.array_index]

@@ -84,7 +84,8 @@ def may_be_unkeyed(block: bpy.types.ID, frame: float) -> bool:
     if rig is None or rig.source.program is None or unkeyed_path(rig, frame):
         return True
     known = {re.sub(r"\[\d+\]$", "", name) for name in rig.source.program.keyed}.union(animation.PLACE)
-    return not known.issuperset(paths.normalised(curve.data_path) for curve in animation.keyed_curves(block))
+    own = curves.that_set_anything(block, animation.keyed_curves(block))
+    return not known.issuperset(paths.normalised(curve.data_path) for curve in own)
 
 
 _Asked = tuple[rigs.Rig, Sequence[float], dict[str, Any]]  # an armature, frames, and what comes from outside on these

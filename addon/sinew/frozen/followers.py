@@ -302,6 +302,7 @@ def check_place(rig: Any) -> None:
     """Raises NotFreezable if an armature object may move as a whole while nobody edits it."""
     curves = [*animation.drivers_of(rig), *animation.keyed_curves(rig)]
     others = [curve for curve in curves if not curve.data_path.startswith(("pose.", '["'))]
+    others = [curve for curve in others if not animation.sets_nothing(rig, curve)]
     own = sorted({curve.data_path for curve in others if not animation.stays(rig, curve)})
     if own:
         raise NotFreezable(

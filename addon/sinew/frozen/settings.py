@@ -11,7 +11,7 @@ import bpy
 
 from ..blender import animation
 from ..host import constraint_values, poses
-from ..rig_programs import paths, properties
+from ..rig_programs import curves, paths, properties
 
 _OF_CONSTRAINT = re.compile(
     rf"(pose\.bones{paths.NAME}\.constraints{paths.NAME})\.({'|'.join(constraint_values.SETTERS)})$"
@@ -32,7 +32,8 @@ def of(ob: Any, description: dict[str, Any]) -> tuple[list[Setting], bool]:
     read of it (rig_programs/reading.py)."""
     single = {row["path"] for row in description["properties"] if len(row["value"]) == 1}
     constraints = {(row["bone"], row["name"]) for row in description["constraints"]}
-    keyed = {paths.normalised(curve.data_path) for curve in animation.keyed_curves(ob)}
+    effective = curves.that_set_anything(ob, animation.keyed_curves(ob))
+    keyed = {paths.normalised(curve.data_path) for curve in effective}
     driven = {row["path"] for row in description["drivers"] if not row["path"].startswith("data.")}
     found, is_complete = [], True
     for path in sorted(keyed | driven):

@@ -48,15 +48,6 @@ def animated(row: dict[str, Any], curve: bpy.types.FCurve) -> dict[str, Any]:
     return row if row["path"].endswith(_CHANNELS) else row | rounding_of(curve)
 
 
-def exists(block: bpy.types.ID, path: str) -> bool:
-    """Whether Blender finds what a curve animates; otherwise it passes over the curve."""
-    try:
-        block.path_resolve(path, False)
-    except ValueError:
-        return False
-    return True
-
-
 def complete(row: dict[str, Any], curve: bpy.types.FCurve) -> dict[str, Any]:
     """Returns a row of rows_of with the modifiers. Raises Refused."""
     if "modifiers" in row:
@@ -142,7 +133,22 @@ def curves_in_effect(block: bpy.types.ID) -> list[bpy.types.FCurve]:
         return []
     if animation.plays_strips(data):
         raise Refused(f"{block.name} is animated by strips of the NLA: bake them into one action")
-    return of_slot(data.action, getattr(data, "action_slot_handle", 0)) if data.action is not None else []
+    if data.action is None:
+        return []
+    return that_set_anything(block, of_slot(data.action, getattr(data, "action_slot_handle", 0)))
+
+
+def that_set_anything(block: bpy.types.ID, own: Iterable[bpy.types.FCurve]) -> list[bpy.types.FCurve]:
+    """Returns the curves for which a data-block has what they set."""
+    counts: dict[str, float] = {}  # by path, which several curves have
+    found = []
+    for curve in own:
+        path = curve.data_path
+        if path not in counts:
+            counts[path] = animation.count_at(block, path)
+        if curve.array_index < counts[path]:
+            found.append(curve)
+    return found
 
 
 def of_slot(action: bpy.types.Action, handle: int) -> list[bpy.types.FCurve]:

@@ -76,7 +76,7 @@ def curves_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str
                     path = path_of(start, stored)
                     if block == ob and animation.stays(ob, curve):
                         continue
-                    known[stored] = path if is_wanted(ob, path, found) and curves.exists(block, stored) else None
+                    known[stored] = path if is_wanted(ob, path, found) else None
                 if own_path := known[stored]:
                     row["path"] = own_path
                     yield curves.animated(row, curve)
@@ -90,7 +90,7 @@ def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -
         own = animation.drivers_of(block)
         for curve, row, variables in zip(own, curves.rows_of(own), driver_variables.read(own)):
             path = path_of(start, row["path"])
-            if curve.mute or not curve.is_valid:
+            if curve.mute or not curve.is_valid or animation.sets_nothing(block, curve):
                 continue
             try:
                 if not curve.driver.is_valid:

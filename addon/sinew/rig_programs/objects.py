@@ -114,7 +114,8 @@ def _check(ob: bpy.types.Object) -> None:
         raise curves.Refused(f"{ob.name} is simulated")
     if ob.parent is not None and (ob.parent_type != "OBJECT" or ob.parent.type == "CURVE"):
         raise curves.Refused(f"{ob.name} is a child of a part of {ob.parent.name}")
-    driven = next((each for each in animation.drivers_of(ob) if paths.moves_object(each.data_path)), None)
+    own = (each for each in animation.drivers_of(ob) if paths.moves_object(each.data_path))
+    driven = next((each for each in own if not animation.sets_nothing(ob, each)), None)
     if driven is not None:
         raise curves.Refused(f"{driven.data_path} of {ob.name} has a driver")
 
@@ -124,7 +125,7 @@ def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
     own = curves.curves_in_effect(ob)
     for curve, row in zip(own, curves.rows_of(own)):
         path = paths.normalised(row["path"])
-        if not paths.moves_object(path) or not curves.exists(ob, path):
+        if not paths.moves_object(path):
             continue
         if path not in (*_CHANNELS, *_DELTAS):
             raise curves.Refused(f"{path} of {ob.name} is keyed")

@@ -30,7 +30,7 @@ class Actions:
         """Returns the name of a row. Raises Refused."""
         name = f"{action.name_full}/{slot}"
         if name not in self.rows:
-            own = curves.of_slot(action, slot)
+            own = curves.that_set_anything(self._ob, curves.of_slot(action, slot))
             self.rows[name] = [row for each in zip(own, curves.rows_of(own)) for row in self._row_of(*each)]
         return name
 
@@ -42,11 +42,10 @@ class Actions:
             path = paths.normalised(stored)
             if paths.moves_object(path):
                 raise curves.Refused(f"{self._ob.name} itself moves (its {path} is animated): move a bone instead")
-            is_wanted = paths.has_effect(path) and curves.exists(self._ob, stored)
-            self._known[stored] = path if is_wanted else None
-            if is_wanted:
+            self._known[stored] = path if paths.has_effect(path) else None
+            if paths.has_effect(path):
                 self.mixed[path] = _mixed(self._ob, path)
-        if (known := self._known[stored]) is not None and row["index"] < len(self.mixed[known]["default"]):
+        if known := self._known[stored]:
             row["path"] = known
             yield curves.animated(row, curve)
 

@@ -63,7 +63,7 @@ class Targets:
         key = (action.name_full, slot)
         if key not in self._actions:
             found: dict[str, list[Channel]] = {}
-            own = curves.of_slot(action, slot)
+            own = curves.that_set_anything(self.ob, curves.of_slot(action, slot))
             for curve, row in zip(own, curves.rows_of(own)):
                 path, index = row.pop("path"), row.pop("index")
                 bone = paths.BONE.match(path)
