@@ -884,6 +884,44 @@ def test_the_switch(cast):
     cast.play()
 
 
+def test_the_switch_is_that_of_one_scene(cast):
+    """What was read of the rigs of others is kept, and they are native again as soon as somebody looks."""
+    other = bpy.data.scenes.new("Other")
+    accelerate(cast)
+    source = cast.rig.source
+    bpy.context.window.scene = other
+    other.sinew_accelerates_rigs = False
+    assert cast.rig.source is source and cast.rig.needs_program and cast.rig.is_wanted
+    other.sinew_accelerates_rigs = True
+    bpy.context.window.scene = cast.scene
+    layer().update()
+    freezing().freeze_again(cast.scene, layer())
+    assert cast.rig.is_frozen
+    cast.play()
+
+
+class Fleeting:
+    """A scene that no longer exists once its frame was read."""
+
+    def __init__(self, scene):
+        self.render, self._frames = scene.render, [1]
+
+    @property
+    def frame_current(self):
+        if not self._frames:
+            raise ReferenceError
+        return self._frames.pop()
+
+
+def test_handlers_are_given_back_if_an_evaluation_fails(cast):
+    lists = bpy.app.handlers.depsgraph_update_pre, bpy.app.handlers.depsgraph_update_post
+    before, names = [list(each) for each in lists], data_names()
+    with pytest.raises(ReferenceError):
+        with addon_module("frozen.elsewhere").on_frames([cast.rig.ob], Fleeting(cast.scene)):
+            assert not any(map(len, lists))
+    assert [list(each) for each in lists] == before and data_names() == names
+
+
 def test_undo_of_a_key_and_of_a_pose_with_pauses(cast):
     cast.scene.frame_set(8)
     accelerate(cast)

@@ -10,7 +10,7 @@ from time import perf_counter
 import bpy
 
 from ..blender import dependencies
-from ..host import poses
+from ..host import evaluations, poses
 from ..rig_programs import objects
 from . import changes, computing, differences, elsewhere, rigs
 
@@ -41,6 +41,8 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene, most_frames: int | None = MOS
     other frame if keyframes change anything else that it needs. most_frames: None for all for which there is time.
     Call it in the main thread, outside an evaluation. Returns whether Blender has evaluated, so that
     freezing.keep_frozen has to follow."""
+    if evaluations.is_job_running():  # which would see the originals on other frames
+        return False
     old, new = changes.tempo_of(scene)
     if old != new:  # since the program was read
         changes.drop_all(rig)

@@ -50,7 +50,9 @@ def on_frames(objects: Iterable[bpy.types.Object], scene: bpy.types.Scene) -> It
         evaluated_on(scene.frame_current)  # which builds relations
         yield evaluated_on
     finally:
-        evaluated_on(scene.frame_current)
-        for each, handlers in zip(lists, before):
-            each[:] = handlers
-        bpy.data.scenes.remove(own)
+        try:
+            evaluated_on(scene.frame_current)
+        finally:
+            for each, handlers in zip(lists, before):
+                each[:] = handlers
+            bpy.data.scenes.remove(own)

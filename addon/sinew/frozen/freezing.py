@@ -69,6 +69,11 @@ def _freeze(wanted: list[rigs.Rig], scene: Any, layer: Any) -> None:
     own = {rig.key: rig for rig in (*wanted, *rigs.frozen()) if rigs.is_alive(rig.ob)}
     for rig in own.values():
         want(rig, rig.needs_program)
+    if evaluations.is_job_running():
+        for rig in wanted:
+            if not rig.is_frozen:
+                rig.reason = f"{rig.name} waits until Blender has rendered or baked"
+        return
     for _ in range(MOST_ATTEMPTS):
         chosen = reasons.freezable(own, scene, layer)
         _build(list(chosen.values()), scene, layer)
@@ -133,7 +138,9 @@ def all_live(scene: Any, layer: Any) -> Iterator[None]:
 
 
 def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
-    """Freezes exactly these armatures. All others are evaluated on this frame."""
+    """Freezes exactly these armatures. All others are evaluated on this frame. While another thread may evaluate, which
+    could see originals without their keyframes, all are: they are frozen again later."""
+    chosen = [] if evaluations.is_job_running() else chosen
     graph, before = layer.depsgraph, rigs.idle()
     at_home = rigs.at_home(graph)
     lost = changes.look(at_home, graph)

@@ -92,6 +92,7 @@ def freeze_again() -> float:
     global _tried, _has_accelerated, _looks
     context = bpy.context
     if context.window is None or evaluations.is_job_running():
+        _tried = (-1, False)  # what has to wait for a job is tried after it
         return SECONDS_BETWEEN_LOOKS
     is_playing = context.screen.is_animation_playing
     if _tried != (playing.evaluation_count(), is_playing):

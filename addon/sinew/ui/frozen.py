@@ -181,13 +181,15 @@ class SidebarFrozen(InSidebar, bpy.types.Panel):
 
 
 def _switch_rigs(scene: Any, context: Any) -> None:
-    """Lets Blender evaluate all rigs that are only accelerated, and keeps nothing of them, or tries all again."""
-    own = [rig for rig in rigs.known() if rig.needs_program]
+    """Lets Blender evaluate the rigs of a scene that are only accelerated, and keeps nothing of them, or tries all
+    again."""
+    here = [rig for rig in rigs.known() if rig.scene in (scene, None)]
     if not scene.sinew_accelerates_rigs:
+        own = [rig for rig in here if rig.needs_program]
         freezing.thaw(own, scene, context.view_layer)
         for rig in own:
             rig.clear()
-    for rig in rigs.known():
+    for rig in here:
         rig.stays_live, rig.tries, rig.tries_to_skip = False, 0, 0
 
 

@@ -1,0 +1,109 @@
+"""While Blender renders or bakes in another thread, nobody takes keyframes away from the originals, as relations without
+them need for a moment: that thread could see it. What asks for it is done without, and rigs are native again later."""
+
+import bpy
+import pytest
+
+from helpers import addon_module, needs_rig_programs, select
+from test_accelerated_rigs import accelerate, accelerating, keep_live, wait
+from test_frozen import Cast, freezing, layer, recorded
+from test_frozen_who import both
+
+pytestmark = needs_rig_programs
+
+
+@pytest.fixture
+def cast(fresh_scene, monkeypatch):
+    monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
+    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
+    cast = Cast(fresh_scene)
+    keep_live(cast)
+    select(cast.frozen[0])
+    return cast
+
+
+class Job:
+    """Says that something is rendered, and fails if an original loses its keyframes meanwhile."""
+
+    def __init__(self, monkeypatch):
+        self.patch = monkeypatch.context()
+
+    def __enter__(self):
+        patch = self.patch.__enter__()
+        patch.setattr(addon_module("host.evaluations"), "is_job_running", lambda: True)
+
+        def without_animation(_rebuilding, block):
+            raise AssertionError(f"a render would see {block.name} without its keyframes")
+
+        patch.setattr(addon_module("host.relations").Rebuilding, "without_animation", without_animation)
+
+    def __exit__(self, *error):
+        self.patch.__exit__(*error)
+
+
+def thaw(cast):
+    assert bpy.ops.object.sinew_thaw() == {"FINISHED"}
+
+
+def thaw_the_other(cast):
+    freezing().thaw([recorded().learn(cast.live[0])], cast.scene, layer())
+
+
+def freeze_the_other(cast):
+    select(cast.live[0])
+    with pytest.raises(RuntimeError, match="Rig.001 waits until Blender has rendered or baked"):
+        bpy.ops.object.sinew_freeze()
+
+
+def record(cast):
+    bpy.ops.object.sinew_record()
+
+
+def measure(cast):
+    assert bpy.ops.object.sinew_measure() == {"FINISHED"}
+
+
+def switch_off_and_on(cast):
+    cast.scene.sinew_accelerates_rigs = False
+    cast.assert_same()
+    cast.scene.sinew_accelerates_rigs = True
+
+
+def compare(cast):
+    cast.rig.source.compared.clear()
+    addon_module("frozen.comparing").compare(cast.rig, cast.scene)
+    freezing().keep_frozen(cast.scene, layer())
+    assert not cast.rig.source.compared
+
+
+@pytest.mark.parametrize("ask", (thaw, thaw_the_other, freeze_the_other, record, measure, switch_off_and_on, compare))
+def test_keyframes_stay_where_they_are(cast, monkeypatch, ask):
+    accelerate(cast)
+    cast.play([3])
+    with Job(monkeypatch):
+        ask(cast)
+        cast.play([4, 5, 3])
+    cast.rig.stays_live = False
+    freezing().freeze_again(cast.scene, layer())
+    accelerate_or_freeze(cast)
+    cast.play([6, 2])
+    assert all(each[0].animation_data.action is not None for each in both(cast))
+
+
+def accelerate_or_freeze(cast):
+    wait(cast)
+    assert cast.rig.is_frozen, cast.rig.reason
+
+
+def test_the_timer_tries_again_after_it(cast, monkeypatch):
+    """Though nothing was evaluated since."""
+    handlers = addon_module("frozen.handlers")
+    accelerate(cast)
+    with Job(monkeypatch):
+        freezing().keep_frozen(cast.scene, layer())
+        assert not cast.rig.is_frozen
+    handlers._tried = addon_module("frozen.playing").evaluation_count(), False
+    with Job(monkeypatch):
+        handlers.freeze_again()
+    handlers.freeze_again()
+    assert cast.rig.is_frozen
