@@ -1,5 +1,5 @@
-"""While Blender renders or bakes in another thread, nobody takes keyframes away from the originals, as relations without
-them need for a moment: that thread could see it. What asks for it is done without, and rigs are native again later."""
+"""While Blender renders or bakes in another thread, nobody takes keyframes away from the originals, as relations
+without them need for a moment: that thread could see it. What asks for it does without, and rigs are native later."""
 
 import bpy
 import pytest
