@@ -900,6 +900,26 @@ def test_the_switch_is_that_of_one_scene(cast):
     cast.play()
 
 
+def test_a_renamed_rig_has_its_new_name_in_sentences(cast):
+    accelerate(cast)
+    cast.rig.ob.name = "Heroine"
+    cast.scene.frame_set(3, subframe=0.5)
+    sentence = addon_module("frozen.reasons").why_live(cast.rig, cast.scene, layer())
+    assert sentence == "Heroine is live between two frames: only whole frames are recorded"
+
+
+def test_a_rig_whose_renaming_is_undone_is_found_again(cast):
+    accelerate(cast)
+    source, rig = cast.rig.source.program, cast.rig
+    bpy.ops.ed.undo_push(message="before")
+    cast.rig.ob.name = "Heroine"
+    assert rig.name == "Heroine"
+    bpy.ops.ed.undo_push(message="renamed")
+    bpy.ops.ed.undo()
+    assert source is not None and rig.ob == bpy.data.objects["Rig"] and recorded().get(rig.ob) is rig
+    assert rig.name == "Rig"
+
+
 class Fleeting:
     """A scene that no longer exists once its frame was read."""
 

@@ -2,6 +2,7 @@
 API when it is first used. What is lost where it does not hold: test_memory.py."""
 
 import sys
+import threading
 
 import bpy
 import pytest
@@ -110,3 +111,23 @@ def test_each_is_compared_once(host, monkeypatch, fresh_scene):
     monkeypatch.setattr(host["proof"], "give", lambda *_: pytest.fail("it was compared again"))
     for frame in (2, 3, 4):
         fresh_scene.frame_set(frame)
+
+
+def test_evaluations_of_two_threads_are_counted(host):
+    """A render's begins while the main thread counts its own."""
+    evaluations = addon_module("host.evaluations")
+
+    class Interrupted(int):
+        """A count that another thread reads, and would write, before it is written."""
+
+        def __add__(self, number):
+            other.start()
+            other.join(0.2)
+            return int(self) + number
+
+    other = threading.Thread(target=evaluations.announce)
+    evaluations._announced = Interrupted(0)
+    evaluations.announce()
+    other.join()
+    assert evaluations._announced == 2
+    evaluations.forget()

@@ -1,16 +1,18 @@
 """What is done while nobody works looks at each part of a file once, however large that is and however its parts follow
 each other. The tests count how often things are asked, and stop what asks too often: no test measures time."""
 
+import functools
 import itertools
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import bpy
 import pytest
 
-from characters import constrain, make_armature
+from characters import accelerate as bind
+from characters import constrain, make_armature, make_mesh, pose
 from helpers import addon_module, depsgraph, needs_rig_programs
 from test_accelerated_rigs import accelerate, accelerating, evaluations, keep_live
-from test_frozen import Cast, freezing, layer
+from test_frozen import Cast, freezing, layer, recorded
 
 pytestmark = needs_rig_programs
 LINKS, RIGS = 60, 200  # which must not be walked along each path, of which there are 2 ** LINKS
@@ -165,3 +167,119 @@ def test_each_frame_that_was_not_compared_comes_once(compared):
     assert len(found) < 3 or any(
         list(addon_module("frozen.comparing").lacking(frames, compared)) != found for _ in range(20)
     )
+
+
+def other_objects(count):
+    for number in range(count):
+        bpy.context.collection.objects.link(bpy.data.objects.new(f"other {number}", None))
+    layer().update()
+
+
+class Characters:
+    """Several bound meshes with a rig each, which share one action."""
+
+    def __init__(self, scene, count):
+        self.scene, armature = scene, make_armature()
+        for frame in (1, 10):
+            pose(armature, frame, False)
+        mesh = make_mesh(armature, False)
+        self.armatures = [armature]
+        for _ in range(count - 1):
+            self.armatures.append(armature.copy())
+            other = mesh.copy()
+            other.data, other.modifiers[0].object = mesh.data.copy(), self.armatures[-1]
+            for ob in (self.armatures[-1], other):
+                bpy.context.collection.objects.link(ob)
+            bind(other)
+        bind(mesh)
+        scene.frame_set(1)
+
+    def tick(self):
+        addon_module("frozen.handlers").freeze_again()
+
+    def settle(self):
+        """What the timer does until nothing is left to do."""
+        handlers = addon_module("frozen.handlers")
+        self.tick()
+        for _ in range(10 * len(self.armatures)):
+            self.tick()
+            if handlers._has_accelerated:
+                break
+        own = [recorded().learn(ob) for ob in self.armatures]
+        assert all(rig.is_frozen for rig in own), [rig.reason for rig in own]
+        for rig in own:
+            rig.source.is_compared = True
+
+
+@pytest.fixture
+def characters(fresh_scene, monkeypatch):
+    monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
+    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
+    found = Characters(fresh_scene, 30)
+    found.settle()
+    return found
+
+
+def test_a_timer_asks_nothing_of_a_file_at_rest(characters):
+    other_objects(1000)
+    characters.settle()
+    names = ("frozen.accelerating", "_armatures"), ("run.characters", "_gather"), ("blender.dependencies", "outside_of")
+    with ExitStack() as counting:
+        for where, name in (*names, ("frozen.rigs", "get"), ("blender.armatures", "of_modifiers")):
+            counting.enter_context(at_most(0, addon_module(where), name))
+        for _ in range(2 * addon_module("frozen.handlers").LOOKS_BEFORE_COMPARING):
+            characters.tick()
+            addon_module("main.handlers").look_into_the_mail()
+            addon_module("ui.onion_skins").fill()
+
+
+def test_a_timer_looks_at_idle_rigs_no_further_after_an_edit(characters):
+    other_objects(1000)
+    characters.settle()
+    bpy.data.objects["other 7"].location.x = 1
+    layer().update()
+    counted = ("blender.dependencies", "outside_of"), ("frozen.accelerating", "_work"), ("run.characters", "_gather")
+    with ExitStack() as counting:
+        counting.enter_context(at_most(1, accelerating(), "_armatures"))
+        for where, name in counted:
+            counting.enter_context(at_most(0, addon_module(where), name))
+        for _ in range(5):
+            characters.tick()
+
+
+def test_what_a_file_uses_is_found_once_for_all_rigs(characters, monkeypatch):
+    """As Blender builds relations, which thaws all of them."""
+    dependencies, number = addon_module("blender.dependencies"), itertools.count()
+    found = dependencies.Users.uses.func
+
+    def uses(users):
+        next(number)
+        return found(users)
+
+    patched = functools.cached_property(uses)
+    patched.__set_name__(dependencies.Users, "uses")
+    monkeypatch.setattr(dependencies.Users, "uses", patched)
+    marker = bpy.data.objects.new("Marker", None)
+    bpy.context.collection.objects.link(marker)
+    layer().update()
+    assert not any(recorded().learn(ob).is_frozen for ob in characters.armatures)
+    characters.tick()
+    assert all(recorded().learn(ob).is_frozen for ob in characters.armatures)
+    assert next(number) <= 4
+
+
+def test_a_full_store_drops_as_much_as_it_gets(monkeypatch):
+    """However much it holds."""
+    records = addon_module("frozen.records")
+
+    class Moment:
+        nbytes = 1
+
+    store = records.Store(10_000)
+    record = records.Record(store)
+    for frame in range(10_000):
+        record.put(frame, Moment())
+    with at_most(200, records.Record, "drop_frame"):  # once for its own frame, once for the oldest
+        for frame in range(10_000, 10_100):
+            record.put(frame, Moment())
+    assert store.used == 10_000 and record.runs() == [(100, 10_099)]

@@ -1,6 +1,7 @@
 """Finds what data-blocks use and follow."""
 
 from collections.abc import Callable, Iterable
+from functools import cached_property
 from typing import Any
 
 import bpy
@@ -10,19 +11,29 @@ from . import animation, values
 _LEFT_OUT = {"rna_type", "fcurves", "keyframe_points", "channels", "data", "points", "value"}
 
 
-def used(
-    roots: Iterable[Any], users: dict[Any, set[Any]], without: Iterable[Any] = (), by: Iterable[Any] = ()
-) -> list[Any]:
-    """Returns the data-blocks that these use, directly or not, and themselves, except for scenes, which use all that is
-    in them.
+class Users(dict[Any, set[Any]]):
+    """{data-block: those that use it} of all data-blocks. To find it takes as long as the file is large, so it is found
+    once for each look."""
 
-    users: {data-block: those that use it}, as bpy.data.user_map returns it; without: what those in `by` may use without
-    being changed by it."""
-    uses: dict[Any, list[Any]] = {}
-    for block, its_users in users.items():
-        for user in its_users:
-            if not isinstance(block, bpy.types.Scene):
-                uses.setdefault(user, []).append(block)
+    @classmethod
+    def now(cls) -> "Users":
+        return cls(bpy.data.user_map())
+
+    @cached_property
+    def uses(self) -> dict[Any, list[Any]]:
+        """{data-block: those that it uses}, without scenes, which use all that is in them."""
+        found: dict[Any, list[Any]] = {}
+        for block, its_users in self.items():
+            for user in its_users if not isinstance(block, bpy.types.Scene) else ():
+                found.setdefault(user, []).append(block)
+        return found
+
+
+def used(roots: Iterable[Any], users: Users, without: Iterable[Any] = (), by: Iterable[Any] = ()) -> list[Any]:
+    """Returns the data-blocks that these use, directly or not, and themselves, except for scenes.
+
+    without: what those in `by` may use without being changed by it."""
+    uses = users.uses
     found, skipped, skipping = dict.fromkeys(roots), set(without), set(by)
     queue = list(found)
     for block in queue:

@@ -15,6 +15,8 @@ from . import comparing, freezing, playing, reasons, resting, rigs
 # counts for as much as a bone.
 LEAST_WORK = 60
 MOST_TO_SKIP = 64  # steps, before a rig that could not be computed is tried again
+_seen: Any = None  # after which evaluations, in which view layer and beside which idle rigs _found was found
+_found: list[Any] = []  # armature objects that may be accelerated
 
 
 def accelerate(scene: Any, layer: Any) -> None:
@@ -60,7 +62,7 @@ def step(scene: Any, layer: Any, number: int) -> bool:
         if not rig.is_frozen and rig.source.program is None and not rig.source.refusal:
             freezing.read_ahead(rig)
             return True
-    own = [rigs.learn(ob) for ob in _armatures(layer)]
+    own = [rigs.learn(ob) for ob in _found_by(number, layer)]
     own = [rig for rig in own if not rig.is_idle and (rig.needs_program or not rig.is_wanted)]
     own = [rig for rig in own if not rig.stays_live and not rig.is_distrusted and rig.ob.mode in ("OBJECT", "POSE")]
     own = [rig for rig in own if not rig.rest.left and (rig.tries == 0 or rig.tried_at != number)]
@@ -102,11 +104,28 @@ def _note(rig: rigs.Rig, has_succeeded: bool, number: int) -> None:
     rig.tries_to_skip, rig.tried_at = rig.tries, number
 
 
+def _found_by(number: int, layer: Any) -> list[Any]:
+    """Returns the armature objects that may be accelerated. number: of the evaluations until now; without another one,
+    nothing was edited."""
+    global _seen, _found
+    now = number, layer.as_pointer(), frozenset(rig.key for rig in rigs.idle())
+    if now != _seen:
+        _seen, _found = now, _armatures(layer)
+    return [ob for ob in _found if rigs.is_alive(ob)]
+
+
+def forget() -> None:
+    """Has all looked for again, as in another file."""
+    global _seen
+    _seen = None
+
+
 def _armatures(layer: Any) -> list[Any]:
-    """Returns the armature objects, hidden or not, of bound meshes that are seen in a view layer, if they are worth it,
-    each after those that it follows."""
-    seen = [ob for ob in characters.known() if ob.visible_get(view_layer=layer)]
-    found = {armature: None for ob in seen for armature in armatures.of_modifiers(ob)}
+    """Returns the armature objects, hidden or not, of bound meshes that are seen in a view layer, if they are worth it
+    and are not accelerated, each after those that it follows."""
+    idle = {rig.ob for rig in rigs.idle()}
+    moved = ((ob, [each for each in armatures.of_modifiers(ob) if each not in idle]) for ob in characters.known())
+    found = {each: None for ob, own in moved if own and ob.visible_get(view_layer=layer) for each in own}
     worth = [ob for ob in found if _work(ob) >= LEAST_WORK]
     due = dependencies.in_order(ob for ob in worth if not _waits(ob))
     return rigs.moving(list(dict.fromkeys((*due, *worth))))
@@ -115,7 +134,7 @@ def _armatures(layer: Any) -> list[Any]:
 def _waits(ob: Any) -> bool:
     """Whether to find what an armature object follows would not help it now."""
     rig = rigs.get(ob)
-    return rig is not None and bool(rig.is_idle or rig.tries_to_skip)
+    return rig is not None and rig.tries_to_skip > 0
 
 
 def _work(ob: Any) -> int:

@@ -4,8 +4,6 @@ armature's own action those frames on which they matter."""
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
-import bpy
-
 from ..blender import animation, armatures, dependencies, values
 from ..host import keyframes
 from . import differences, followers, rigs, stored_keys, watch
@@ -124,7 +122,7 @@ def can_record(rig: rigs.Rig, scene: Any, graph: Any) -> bool:
 def ask_for_shapes(own: Sequence[rigs.Rig], graph: Any) -> None:
     """Finds the meshes of armatures that have no record, and asks for their shapes in the next evaluation."""
     if own:
-        for ob, found in followers.find([rig.ob for rig in own], bpy.data.user_map(), graph).items():
+        for ob, found in followers.find([rig.ob for rig in own], dependencies.Users.now(), graph).items():
             rig: Any = rigs.get(ob)
             follow_shapes(rig, found.hooked if isinstance(found, Followers) else [])
             rig.shapes.ask_in(graph)
@@ -134,7 +132,7 @@ def begin(own: Sequence[rigs.Rig], scene: Any, graph: Any) -> None:
     """Watches what these armatures, which have no record, depend on, and finds what follows them."""
     if not own:
         return
-    users = bpy.data.user_map()
+    users = dependencies.Users.now()
     found = followers.find([rig.ob for rig in own], users, graph)
     for rig in own:
         each = found[rig.ob]

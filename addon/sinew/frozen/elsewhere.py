@@ -19,7 +19,7 @@ _COPIED = ("use_simplify", "simplify_subdivision", "frame_map_old", "frame_map_n
 def animated(objects: Iterable[Any], scene: bpy.types.Scene) -> list[Any] | None:
     """Returns the data-blocks with keyframes on which original objects depend; None if any of them has been edited
     without a key, or the scene is between two frames."""
-    found = [each for each in dependencies.used(objects, bpy.data.user_map()) if rigs.has_animation(each)]
+    found = [each for each in dependencies.used(objects, dependencies.Users.now()) if rigs.has_animation(each)]
     time = scene.frame_current_final
     is_edited = scene.frame_subframe or any(computing.may_be_unkeyed(each, time) for each in found)
     return None if is_edited else found

@@ -328,7 +328,7 @@ def _read_edited(posed: list[rigs.Rig], graph: Any) -> dict[int, str]:
 def _read_anew(unread: list[rigs.Rig], graph: Any) -> dict[int, str]:
     """Reads armatures as if they had never been read. Returns why some have no program, by key."""
     found: dict[int, str] = {}
-    users = bpy.data.user_map() if unread else {}
+    users = dependencies.Users.now() if unread else dependencies.Users()
     each_followers = followers.find([rig.ob for rig in unread], users, graph)
     for rig in unread:
         own = each_followers[rig.ob]

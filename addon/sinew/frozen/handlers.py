@@ -77,12 +77,14 @@ def after_load(*_: Any) -> None:
     _frames = 0
     rigs.forget()
     computing.forget()
+    accelerating.forget()
 
 
 @persistent
 def after_undo(*_: Any) -> None:
     freezing.find_again()
     ghosts.find_again()
+    accelerating.forget()
 
 
 def freeze_again() -> float:

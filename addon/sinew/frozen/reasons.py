@@ -33,7 +33,7 @@ def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, 
 def look_at_each(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> dict[int, list[Any]]:
     """Returns the other armatures on which each of these depends that can be frozen beside them, by key. `reason` of
     the others says why not."""
-    own, users = leading.in_order(own), bpy.data.user_map()
+    own, users = leading.in_order(own), dependencies.Users.now()
     found = followers.find([rig.ob for rig in own], users, layer.depsgraph)
     changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
     for rig in rigs.at_home(layer.depsgraph):  # which these may follow
@@ -162,7 +162,7 @@ def unkeyed_bone(rig: rigs.Rig, scene: Any) -> str:
 def prepare(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
     """Drops from the records of armatures what was edited, so that it can be played again in a view layer, or
     computed."""
-    own, users = leading.in_order(own), bpy.data.user_map()
+    own, users = leading.in_order(own), dependencies.Users.now()
     found = followers.find([rig.ob for rig in own], users, layer.depsgraph)
     changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
     for rig in own:

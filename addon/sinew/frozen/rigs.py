@@ -59,7 +59,7 @@ class Rig:
 
     ob: Any  # the original armature object
     key: int
-    name: str
+    last_name: str  # when somebody has asked for it
     record: records.Record
     library: str | None = None  # that it is linked from; an override of it has the same name
     state: State = State.LIVE
@@ -95,6 +95,13 @@ class Rig:
     tries_to_skip: int = 0
     tried_at: int = 0
     tracks: list[tuple[bool, bool]] = field(default_factory=list)  # as returned by tracks_of, at the last look
+
+    @property
+    def name(self) -> str:
+        """The armature object's name, or its last one if that no longer exists."""
+        if is_alive(self.ob):
+            self.last_name = self.ob.name
+        return self.last_name
 
     @property
     def is_frozen(self) -> bool:
@@ -462,12 +469,16 @@ def is_evaluated(block: Any, graph: Any) -> bool:
 def find_again() -> None:
     """Finds all armatures again after an undo step, which may have replaced them. The shapes of their meshes are
     dropped."""
-    for key, rig in list(_rigs.items()):
+    lost = {key: rig for key, rig in _rigs.items() if not is_alive(rig.ob)}
+    for rig in _rigs.values():
         rig.shapes.clear()
-        if not is_alive(rig.ob):
-            rig.clear()
-            del _rigs[key]
-            rig.ob = bpy.data.objects.get((rig.name, rig.library))
-            if rig.ob is not None and rig.ob.type == "ARMATURE":
-                rig.key = values.key_of(rig.ob)
-                _rigs[rig.key] = rig
+    by_key = {}
+    if lost and values.KEYS_OUTLIVE_UNDO:  # names need not: the step may have renamed it
+        by_key = {values.key_of(ob): ob for ob in bpy.data.objects}
+    for key, rig in lost.items():
+        rig.clear()
+        del _rigs[key]
+        rig.ob = by_key.get(key) or bpy.data.objects.get((rig.name, rig.library))
+        if rig.ob is not None and rig.ob.type == "ARMATURE":
+            rig.key = values.key_of(rig.ob)
+            _rigs[rig.key] = rig

@@ -1,6 +1,7 @@
 """Tells whether Blender is evaluating an object, and whether it calls handlers afterwards."""
 
 import ctypes
+import threading
 from collections.abc import Iterable
 from typing import Any
 
@@ -10,6 +11,7 @@ from . import contract
 
 _TRANSFORM, _ANIMATION = 1 << 0, 1 << 2  # Blender's ID_RECALC_TRANSFORM and ID_RECALC_ANIMATION
 _announced = 0  # evaluations for which Blender has called the handlers before it, but not those after it
+_counting = threading.Lock()  # held while that changes: a render evaluates in its own thread
 _is_playing = False
 _has_been_set = False  # the flags of any object
 
@@ -65,13 +67,15 @@ def is_job_running() -> bool:
 def announce() -> None:
     """Notes that Blender has called the handlers before an evaluation."""
     global _announced
-    _announced += 1
+    with _counting:
+        _announced += 1
 
 
 def conclude() -> None:
     """Notes that Blender has called the handlers after an evaluation."""
     global _announced
-    _announced = max(_announced - 1, 0)
+    with _counting:
+        _announced = max(_announced - 1, 0)
 
 
 def note_playing(is_playing: bool) -> None:

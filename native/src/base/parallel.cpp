@@ -134,7 +134,10 @@ Meanwhile::Meanwhile(std::size_t count, std::function<void(std::size_t)> work)
   const std::shared_ptr<Pool> threads = current_pool();
   if (threads->threads() == 1 || !threads->has_workers()) return;
   const std::size_t most = static_cast<std::size_t>(threads->threads()) - 1;
-  for (std::size_t i = 0; i < std::min(count, most); ++i) threads->enqueue([state = state_] { state->run(); });
+  try {
+    for (std::size_t i = 0; i < std::min(count, most); ++i) threads->enqueue([state = state_] { state->run(); });
+  } catch (...) {  // no memory for the next one: wait() does what those that were begun do not
+  }
 }
 
 Meanwhile::~Meanwhile() { state_->await(std::min(state_->next.exchange(state_->count), state_->count)); }

@@ -30,6 +30,18 @@ class Borrowed {
   std::unique_ptr<rig::State> state_;
 };
 
+/// Has a clock measure what is done with a state, even if that throws.
+class Timed {
+ public:
+  Timed(rig::State& state, rig::PartClock& clock) : state_(state) { state_.clock = &clock; }
+  Timed(const Timed&) = delete;
+  Timed& operator=(const Timed&) = delete;
+  ~Timed() { state_.clock = nullptr; }
+
+ private:
+  rig::State& state_;
+};
+
 std::span<const float, 16> matrix_at(const GivenMatrix& given, std::ptrdiff_t frame) {
   return std::span<const float, 16>(given.numbers + frame * given.frame_stride, 16);
 }
@@ -218,9 +230,8 @@ std::array<double, kRigPartCount> RigProgram::profile(std::span<const float> fra
   rig::PartClock clock;
   for (std::size_t f = 0; f < frames.size(); ++f) {
     take_inputs(given, *program_, static_cast<std::ptrdiff_t>(f), state);
-    state.clock = &clock;
+    const Timed timed(state, clock);
     rig::evaluate(*program_, state, frames[f]);
-    state.clock = nullptr;
   }
   return clock.seconds;
 }
