@@ -349,3 +349,31 @@ def test_it_can_be_posed(cast, bone):
     cast.play(FRAMES)
     accelerate(cast)
     cast.play(FRAMES)
+
+
+def key_settings(cast):
+    """Keys a custom property and an influence of both."""
+    for armature, *_ in both(cast):
+        copied = armature.pose.bones["side"].constraints.new("COPY_ROTATION")
+        copied.target, copied.subtarget, copied.influence = armature, "bone0", 0.2
+        armature["level"] = 0.5
+        for frame in (1, 10):
+            armature.keyframe_insert('["level"]', frame=frame)
+            copied.keyframe_insert("influence", frame=frame)
+    cast.scene.frame_set(2)
+
+
+@pytest.mark.parametrize("bone", ["side", "bone3"])
+def test_a_pose_is_kept_where_settings_are_keyed_too(cast, bone):
+    key_settings(cast)
+    accelerate(cast)
+    cast.scene.frame_set(4)
+    for moved in (3.0, 4.0):
+        for armature, *_ in both(cast):
+            armature.pose.bones[bone].location.x = moved
+        bpy.context.view_layer.update()
+        cast.assert_same()
+        assert {each[0].pose.bones[bone].location.x for each in both(cast)} == {moved}
+    cast.play(FRAMES)
+    accelerate(cast)
+    cast.play(FRAMES)

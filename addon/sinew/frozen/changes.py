@@ -2,33 +2,15 @@
 armature's own action those frames on which they matter."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
-from ..blender import animation, armatures, dependencies, values
-from ..host import keyframes
+from ..blender import armatures, dependencies, values
+from ..host import evaluations
 from . import differences, followers, rigs, stored_keys, watch
 from .followers import Followers
+from .keys import Keys, keys_of
 
 MOST_TO_SKIP = 63  # frames, of an armature that somebody edits on each
-
-
-class Keys(NamedTuple):
-    """What is stored in an armature's own action."""
-
-    curves: Any  # sinew_native.host.StoredCurves
-    others: dict[int, Any]  # of the curves with modifiers or samples, by number: what cannot be compared in part
-    flat: frozenset[int]  # numbers of the curves that are constant before their first and after their last keyframe
-    settings: Any  # of all else
-
-
-def keys_of(action: Any) -> Keys:
-    """Returns the keyframes of an action. Raises contract.Broken."""
-    curves = animation.action_curves(action)
-    stored = keyframes.read(curves)
-    others = {i: dependencies.plain(each) for i, each in enumerate(curves) if not stored.is_local(i)}
-    flat = frozenset(i for i, each in enumerate(curves) if each.extrapolation == "CONSTANT")
-    layers = [dependencies.plain(each) for each in getattr(action, "layers", ())]
-    return Keys(stored, others, flat, (layers, animation.in_muted_groups(action)))
 
 
 def changed(old: Keys, new: Keys) -> list[tuple[float, float]]:
@@ -58,6 +40,22 @@ def look(own: Iterable[rigs.Rig], graph: Any, looks_at_copies: bool = True) -> l
     for rig in edited:
         drop_all(rig)
     return edited
+
+
+def look_at_actions(own: Iterable[rigs.Rig]) -> None:
+    """Notes which actions of idle armatures were edited since the last evaluation, before one. Takes off the tags that
+    tell: Blender does so only with those of what its graphs have, and these have no such action."""
+    noted = []
+    for rig in own:
+        graph = rig.graph()
+        for action in rigs.unseen_actions(rig, graph) if graph is not None else ():
+            if evaluations.is_tagged(action):
+                noted.append(action)
+                rig.asks_for_keys |= action in rig.actions and evaluations.is_animation_tagged(action)
+                if rig.watch is not None:
+                    rig.has_edited_keys |= rig.watch.note_edited(action)
+    for action in noted:
+        evaluations.take_tags_off(action)
 
 
 def expect_no_more(own: Iterable[rigs.Rig], graph: Any) -> None:
@@ -153,7 +151,7 @@ def meet(rig: rigs.Rig, found: Followers, users: Any, graph: Any) -> None:
         shapes -= {target for each in chain for target in dependencies.outside_of(each)}
         action = watch.own_action(rig.ob)
         used = dependencies.used([rig.ob, *follow], users, shapes, chain)
-        rig.watch = watch.Watch(rig.ob, used, action, found.keyed, graph)
+        rig.watch = watch.Watch(rig.ob, used, action, found.keyed, graph, rigs.unseen_actions(rig, graph))
         rig.keys = keys_of(action) if action is not None else None
         rig.has_edited_keys = False
 

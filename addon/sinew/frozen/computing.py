@@ -20,6 +20,7 @@ from ..native import sinew_native
 from ..rig_programs import curves, driven_keys, edits, objects, paths, reading, strips
 from . import changes, differences, followers, leading, rigs, settings, watch
 from .followers import Followers
+from .keys import Keys, keys_of
 from .rigs import Source
 
 
@@ -37,7 +38,7 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     returns them."""
     frame = rigs.whole_frame(scene)
     is_live = not rig.is_frozen and rigs.evaluated_copy(rig, graph) is not None and rigs.moves(rig.ob)
-    if frame is None or not is_live or not can_be(rig) or rig.ob.mode == "EDIT":
+    if frame is None or not is_live or not can_be(rig) or rig.ob.mode == "EDIT" or _is_unevaluated(rig):
         return
     if rig.source.is_proven and rig.at(frame) is not None:
         return
@@ -59,6 +60,13 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
             or followers.unkeyed(rig.ob, scene)
         ):
             differences.note(rig, differences.Difference.between(rig, copy, frame))
+
+
+def _is_unevaluated(rig: rigs.Rig) -> bool:
+    """Whether an armature or its action was edited and Blender has yet to evaluate that, as between a drag's last step
+    and the evaluation after it: then the evaluated bones are not those of the originals."""
+    action = rig.ob.animation_data.action if rig.ob.animation_data is not None else None
+    return any(each is not None and evaluations.is_tagged(each) for each in (rig.ob, rig.ob.data, action))
 
 
 def unkeyed_path(rig: rigs.Rig, frame: float) -> str:
@@ -168,7 +176,7 @@ class _Last(NamedTuple):
 
     source: Source
     known: edits.Known
-    keys: changes.Keys | None  # of its own action
+    keys: Keys | None  # of its own action
     watch: watch.Watch
 
 
@@ -176,7 +184,16 @@ def _remember(rig: rigs.Rig, read: reading.Reading, source: Source, graph: Any) 
     has_keys = rig.watch is not None and rig.watch.action is not None
     is_compared = has_keys == rigs.has_animation(rig.ob) or strips.play(rig.ob)
     if rig.watch is not None and is_compared and not rig.has_edited_keys:
-        rig.last = _Last(source, edits.Known(rig.ob, read, graph), rig.keys, rig.watch)
+        rig.last = _Last(source, edits.Known(rig.ob, read, graph, _seen(rig, graph)), rig.keys, rig.watch)
+
+
+def _seen(rig: rigs.Rig, graph: Any) -> Any:
+    """Returns the object whose custom properties Blender evaluates next. The copy has no property that was set without
+    a tag, as by `ob["x"] = 1`, until an edit has Blender copy the original again."""
+    copy = rigs.evaluated_copy(rig, graph)
+    if copy is None or rig.is_idle and (evaluations.is_tagged(copy) or evaluations.is_tagged(copy.data)):
+        return rig.ob
+    return copy
 
 
 def read_again(rig: rigs.Rig, graph: Any) -> bool:
@@ -192,8 +209,9 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
         return False
     if last.source.counts != tuple(len(numbers) for _keys, numbers in rigs.keyed(rig, graph)):
         return False
-    new = rig.watch or watch.Watch(rig.ob, last.watch.blocks, action, rig.followers.keyed, graph)
-    keys, numbers = changes.keys_of(action) if last.keys else None, []
+    unseen = rigs.unseen_actions(rig, graph)
+    new = rig.watch or watch.Watch(rig.ob, last.watch.blocks, action, rig.followers.keyed, graph, unseen)
+    keys, numbers = keys_of(action) if last.keys else None, []
     if keys is not None:
         numbers = last.keys.curves.differing(keys.curves)
         has_same_others = last.keys.others == keys.others and last.keys.settings == keys.settings
@@ -204,7 +222,8 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
     all_curves = animation.action_curves(action) if numbers else []
     try:
         followers.check_place(rig.ob)
-        edit = last.known.edit(rig.ob, graph, [all_curves[number] for number in numbers])
+        edited = [all_curves[number] for number in numbers]
+        edit = last.known.edit(rig.ob, graph, edited, _seen(rig, graph))
         if edit is None:
             return False
         program = last.source.program.edited(*edit)
@@ -247,7 +266,7 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         old, new = changes.tempo_of(scene)
         if old != new:
             raise curves.Refused(f"{scene.name} maps its frames to other times")
-        read = reading.read(rig.ob, graph, keyed)
+        read = reading.read(rig.ob, graph, keyed, _seen(rig, graph))
         leaders = leading.leaders_of(rig.ob, read.targets, read.outside, graph)
         program = sinew_native.RigProgram(read.description)
         counts = tuple(len(numbers) for _keys, numbers in keyed)

@@ -179,6 +179,9 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
     hooked = {values.key_of(ob): ob for rig in chosen for ob in rig.followers.hooked}
     idle = {block for rig in chosen for block in (rig.ob, rig.ob.data)}
     driven = [curve for rig in chosen for curve in rig.followers.drivers() if curve.id_data not in idle]
+    for rig in chosen:
+        played = [each.action for each in actions.of(rig.ob)]
+        rig.actions = [each for each in played if each.evaluated_get(graph).is_evaluated] or rig.actions
 
     def mark() -> None:
         for rig in at_home:
@@ -235,6 +238,7 @@ def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
         return False
     rig.is_selected = not _selected(layer).isdisjoint(rig.followers.keys | {rig.key})
     rig.shown, rig.pose, rig.state = rigs.whole_frame(scene), pose, State.FROZEN
+    rig.animation, rig.asks_for_keys = rigs.animation_of(rig.ob), False
     if not is_shown:
         rigs.show(rig, graph, pose)
     return not is_shown
@@ -271,9 +275,10 @@ def note_posed(rig: rigs.Rig, graph: Any) -> None:
 
 def look_at_keys(rig: rigs.Rig, graph: Any, is_new_frame: bool) -> None:
     """Has an armature that is POSED shown from its keyframes, if Blender would evaluate these now."""
-    played = [each.action for each in actions.of(rig.ob)]
-    copy = rigs.evaluated_copy(rig, graph)
-    if is_new_frame or any(each is not None and evaluations.is_animation_tagged(each) for each in (*played, copy)):
+    own = [each for each in (rig.ob, *rig.actions) if rigs.is_alive(each)]
+    copies = [each.evaluated_get(graph) for each in own]
+    is_asked = any(each.is_evaluated and evaluations.is_animation_tagged(each) for each in copies)
+    if is_new_frame or rig.asks_for_keys or is_asked:
         rig.shown = None
 
 
@@ -421,10 +426,9 @@ def melt_all() -> None:
 
 def _evaluate_keys(rig: rigs.Rig) -> None:
     """Has Blender evaluate the keyframes of an armature that is thawed. If the originals have the channels of this
-    frame, they are left as they are: somebody may just have edited them. If its keyframes were edited so that they
-    have to be evaluated, Blender knows."""
+    frame, they are left as they are: somebody may just have edited them."""
     is_here = rig.shown is not None and rigs.is_alive(rig.scene) and rig.shown == rigs.time_of(rig.scene)
-    if not is_here or _has_other_keys(rig.ob):
+    if not is_here or rig.asks_for_keys or not rig.is_posable and _has_other_keys(rig.ob):
         rig.ob.update_tag(refresh={"TIME"})
 
 

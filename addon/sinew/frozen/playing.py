@@ -44,6 +44,7 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
     if not _has_work():
         return
     freezing.follow_tracks()
+    changes.look_at_actions(rigs.idle())
     if watch.is_waiting():
         for graph in rigs.graphs(rigs.known()):
             changes.expect_no_more(rigs.at_home(graph), graph)
@@ -74,11 +75,14 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
 
 
 def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
-    reasons = {}
+    reasons, everyone = {}, own
     frame = rigs.time_of(own[0].scene)
     changes.look(own, graph, is_new_frame or any(rig.shown != frame for rig in own))
     for rig in own:
-        if rig.is_frozen:
+        if rig.animation != rigs.animation_of(rig.ob):
+            changes.drop_all(rig)
+            reasons[rig.key] = f"the animation of {rig.name} was edited"
+        elif rig.is_frozen:
             why = _look(rig, graph, frame, is_new_frame)
             if why:
                 reasons[rig.key] = why
@@ -107,19 +111,19 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
             computing.look_ahead(own, frame)
     if reasons:
         freezing.melt(graph, reasons)
+    for rig in everyone:
+        rig.asks_for_keys = False
 
 
 def _look(rig: rigs.Rig, graph: Any, frame: float, is_new_frame: bool) -> str:
     """Finds out whether a frozen armature was edited. Returns why it cannot stay frozen, or POSED, or ""."""
     rig.has_edited_keys |= rig.watch is not None and rig.watch.are_keys_tagged(graph)
     changes.compare_keys(rig, graph)
-    if rig.watch is None or rig.watch.is_tagged(graph, is_new_frame):
+    have_keys_changed = rig.is_posable and rig.at(frame) is None and not rig.source.is_proven
+    if have_keys_changed or rig.watch is None or rig.watch.is_tagged(graph, is_new_frame):
         return "" if freezing.pose(rig) else f"{rig.name} was edited"
     if rig.tempo != changes.tempo_of(rig.scene):
         return f"{rig.scene.name} plays at another speed than when {rig.name} was recorded"
-    if rig.is_posable and rig.at(frame) is None and not rig.source.is_proven:  # its keyframes were edited
-        freezing.pose(rig)
-        rig.shown = None
     return ""
 
 

@@ -72,8 +72,10 @@ class Rig:
     passing: tuple[float, Any] | None = None  # the last moment that is not recorded: (time, Moment)
     is_selected: bool = False  # it was, or something of it, at the last look
     watch: Any = None  # watch.Watch on what the record depends on; None: nothing is recorded
-    keys: Any = None  # the keyframes that the record was made with, a changes.Keys
+    keys: Any = None  # the keyframes that the record was made with, a keys.Keys
     has_edited_keys: bool = False  # they may not be those any more
+    actions: list[Any] = field(default_factory=list)  # that Blender had evaluated when it was frozen
+    asks_for_keys: bool = False  # one of these was edited so that Blender would evaluate keyframes on this frame
     tempo: tuple[int, int] = (0, 0)  # how the scene has mapped its frames to times
     restless: int = 0  # frames that will not be recorded if somebody edits it on this one again
     to_skip: int = 0  # frames that are not recorded now
@@ -95,6 +97,7 @@ class Rig:
     tries_to_skip: int = 0
     tried_at: int = 0
     tracks: list[tuple[bool, bool]] = field(default_factory=list)  # as returned by tracks_of, at the last look
+    animation: Any = None  # as returned by animation_of, when it was frozen
 
     @property
     def name(self) -> str:
@@ -221,6 +224,15 @@ def tracks_of(ob: Any) -> list[tuple[bool, bool]]:
     return [(track.mute, track.is_solo) for track in data.nla_tracks] if data is not None else []
 
 
+def animation_of(ob: Any) -> Any:
+    """Returns what is equal at two times if nothing of an object's animation was removed: Blender tags nothing then."""
+    data = ob.animation_data
+    if data is None:
+        return None
+    action = values.key_of(data.action) if data.action is not None else 0
+    return action, len(data.drivers), [len(track.strips) for track in data.nla_tracks]
+
+
 def forget() -> None:
     """Discards everything, as after a file was loaded."""
     for rig in _rigs.values():
@@ -273,6 +285,12 @@ def _has_lost_keys(rig: Rig, evaluated: Any, graph: Any) -> bool:
         return True
     played = [each.action for each in actions.of(rig.ob)]
     return bool(played) and not any(each.evaluated_get(graph).is_evaluated for each in played)
+
+
+def unseen_actions(rig: Rig, graph: Any) -> list[Any]:
+    """Returns the actions of an idle armature that a graph does not have."""
+    own = rig.actions if rig.is_idle else ()
+    return [each for each in own if is_alive(each) and not each.evaluated_get(graph).is_evaluated]
 
 
 def is_moved_by_objects(rig: Rig, graph: Any) -> bool:

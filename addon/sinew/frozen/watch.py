@@ -3,7 +3,10 @@
 A pose is a function of time and of evaluated copies: of the armature, of what its constraints and drivers read, of what
 those use in turn, and so on, as Blender itself lists who uses whom. Time changes a copy in place. Before anything else
 does, Blender copies the data-block again, and the copy has no mark (host/copies.py). So there is no list of settings
-that matter: a record holds as long as all marks are there."""
+that matter: a record holds as long as all marks are there.
+
+The actions of an idle armature have no copy. Of these, what is stored is compared when they were tagged
+(changes.look_at_actions)."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -12,9 +15,10 @@ import bpy
 
 from ..blender import animation, dependencies, values
 from ..host import copies, driver_bytes, evaluations, key_blocks, keyframes
+from .keys import keys_of
 from .shapes import is_alive
 
-_WITHOUT_COPY = (bpy.types.Action, bpy.types.Curve, bpy.types.Key, bpy.types.Object)
+_WITHOUT_COPY = (bpy.types.Curve, bpy.types.Key, bpy.types.Object)
 _expected: dict[int, set[int]] = {}  # by view layer: keys of data-blocks that this package has had copied
 _awaited: dict[int, Any] = {}  # by view layer: see wait_for
 
@@ -22,20 +26,30 @@ _awaited: dict[int, Any] = {}  # by view layer: see wait_for
 class Watch:
     """The marks on what the pose of one armature depends on, in one dependency graph."""
 
-    def __init__(self, rig: Any, blocks: Iterable[Any], action: Any, follow: Sequence[Any], graph: Any) -> None:
+    def __init__(
+        self,
+        rig: Any,
+        blocks: Iterable[Any],
+        action: Any,
+        follow: Sequence[Any],
+        graph: Any,
+        unseen: Sequence[Any] = (),
+    ) -> None:
         """Marks the copies of these original data-blocks.
 
         rig: the armature object; action: its own, whose edits are told apart from others, or None. follow:
         (data-block of shape keys, numbers) as in Followers.keyed. Blender copies these after an edit of the mesh too:
-        then all but the points is compared."""
+        then all but the points is compared. unseen: actions that the armature plays though they have no copy."""
         self.action = action
         self.follow = [(values.key_of(keys), numbers) for keys, numbers in follow]
         self._states = {values.key_of(keys): _state_of(keys) for keys, _numbers in follow}
         self.blocks = [
-            each
-            for each in blocks
-            if each != action and (each.evaluated_get(graph).is_evaluated or isinstance(each, bpy.types.Action))
+            each for each in blocks if each != action and (each in unseen or each.evaluated_get(graph).is_evaluated)
         ]
+        self._stored = {
+            values.key_of(each): keys_of(each) for each in self.blocks if isinstance(each, bpy.types.Action)
+        }
+        self._is_edited = False  # one of these, while it had no copy
         self.keys = [values.key_of(each) for each in self.blocks]
         self._own = {values.key_of(rig), values.key_of(rig.data)}
         self._busy: set[int] = set()  # keys of the other blocks that the last evaluation has changed
@@ -60,11 +74,15 @@ class Watch:
     def holds(self, graph: Any) -> bool:
         """Whether nothing but time, and this package, has changed any of them."""
         expected = _expected.get(graph.view_layer.as_pointer(), ())
+        if self._is_edited:
+            return False
         try:
             for key, block in zip(self.keys, self.blocks):
                 copy = block.evaluated_get(graph)
-                if not copy.is_evaluated:  # a frozen armature's actions, and a hidden curve of its own, have no copy
-                    if not isinstance(block, _WITHOUT_COPY) or evaluations.is_tagged(block):
+                if not copy.is_evaluated:  # an idle armature's actions, and a hidden curve of its own, have no copy
+                    if key not in self._stored and (
+                        not isinstance(block, _WITHOUT_COPY) or evaluations.is_tagged(block)
+                    ):
                         return False
                 elif key in expected:
                     copies.mark(copy)
@@ -76,8 +94,14 @@ class Watch:
             return False
         return True
 
+    def note_edited(self, action: Any) -> bool:
+        """Notes that an action that has no copy was tagged. Returns whether it is the armature's own."""
+        stored = self._stored.get(values.key_of(action))
+        self._is_edited |= stored is not None and not stored.is_like(keys_of(action))
+        return action == self.action
+
     def are_keys_edited(self, graph: Any) -> bool:
-        """Whether the action may have been edited. Of a frozen armature it is not in the graph."""
+        """Whether the action may have been edited. Of an idle armature it is not in the graph."""
         try:
             if self.action is None:
                 return False
@@ -87,9 +111,9 @@ class Watch:
             return True
 
     def are_keys_tagged(self, graph: Any) -> bool:
-        """Whether the action was edited since the last evaluation, also if a live armature plays it, too. Call it
-        before an evaluation: in one, time tags it."""
-        return is_alive(self.action) and evaluations.is_tagged(self.action.evaluated_get(graph))
+        """Whether the action was edited since the last evaluation, which a live armature plays, too. Call it before an
+        evaluation: in one, time tags it."""
+        return is_alive(self.action) and _is_copy_tagged(self.action, graph)
 
     def is_tagged(self, graph: Any, is_new_frame: bool) -> bool:
         """Whether somebody has edited any of them since the last evaluation. Before a change of the frame that is
@@ -98,7 +122,7 @@ class Watch:
         expected = _expected.get(graph.view_layer.as_pointer(), set())
         left = expected if is_new_frame else expected | self._busy
         try:
-            return any(
+            return self._is_edited or any(
                 evaluations.is_tagged(block.evaluated_get(graph))
                 for key, block in zip(self.keys, self.blocks)
                 if key not in left and key not in self._states
@@ -148,6 +172,11 @@ def _state_of(keys: Any) -> tuple[Any, list[Any]]:
 
 def _are_equal(state: tuple[Any, list[Any]], other: tuple[Any, list[Any]]) -> bool:
     return state[1] == other[1] and state[0].differing(other[0]) == []
+
+
+def _is_copy_tagged(block: Any, graph: Any) -> bool:
+    copy = block.evaluated_get(graph)
+    return copy.is_evaluated and evaluations.is_tagged(copy)
 
 
 def _mark(block: Any, graph: Any) -> None:

@@ -37,8 +37,14 @@ def _tags(block: Any) -> int:
 
 
 def is_tagged(block: Any) -> bool:
-    """Whether anything of an evaluated data-block is tagged to be evaluated."""
+    """Whether anything of an evaluated data-block, or of an original, is tagged to be evaluated."""
     return bool(_tags(block))
+
+
+def take_tags_off(block: Any) -> None:
+    """Takes all tags off an original data-block that no graph evaluates, as Blender does after an evaluation with those
+    of what a graph has."""
+    ctypes.c_uint32.from_address(contract.region(block, "ID", "recalc")[0]).value = 0
 
 
 def is_transform_tagged(block: Any) -> bool:

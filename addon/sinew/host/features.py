@@ -172,7 +172,7 @@ FEATURES = {
     POSED: Feature(
         "after each edit of its pose or its keyframes, all of a computed rig is read again, which takes longer",
         "bPoseChannel.*next bPoseChannel.constraints bConstraint bArmatureConstraint bConstraintTarget ListBase.*first "
-        + " ".join(members.CONSTRAINTS.values()),
+        "Bone.*bbone_prev Bone.*bbone_next " + " ".join(members.CONSTRAINTS.values()),
         (EDITIONS, DRIVERS, FREEZING),
         "where a bone's constraints are, and the type of the first",
     ),

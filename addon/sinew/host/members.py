@@ -119,6 +119,8 @@ MEMBERS: dict[str, dict[str, Member]] = {
         "*next": _pointer("Bone", 0),
         "childbase": _LIST,
         "*prop": _pointer("IDProperty"),
+        "*bbone_prev": _pointer("Bone"),
+        "*bbone_next": _pointer("Bone"),
         **dict.fromkeys((*REST, *BEND), Member("float", None)),
     },
     # A struct in a list begins with the address of the next one.

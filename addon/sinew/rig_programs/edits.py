@@ -20,7 +20,10 @@ _WRITTEN = "influence", "mute"  # of a constraint, on each frame if they are ani
 class Known:
     """What an armature object was read from: what has to be the same, and the numbers that may have changed."""
 
-    def __init__(self, ob: bpy.types.Object, read: reading.Reading, graph: bpy.types.Depsgraph) -> None:
+    def __init__(
+        self, ob: bpy.types.Object, read: reading.Reading, graph: bpy.types.Depsgraph, seen: bpy.types.Object
+    ) -> None:
+        """seen: as reading.read is given it."""
         self.targets, self.outside, self.follows = read.targets, read.outside, read.follows()
         rows, mixed = read.description["curves"], strips.numbers_of(read.description)
         self._curves = {(row["path"], row["index"]) for row in rows}
@@ -33,14 +36,14 @@ class Known:
         self._modes, self._objects = self._read_modes(), self._read_objects()
         self._names, self._places = ob.pose.bones.keys(), bones.places_of(ob)
         self._is_keyed = _which_are_keyed(ob, self._curves | mixed)
-        self._numbers = self._read(ob, graph)
+        self._numbers = self._read(ob, graph, seen)
 
     def edit(
-        self, ob: bpy.types.Object, graph: bpy.types.Depsgraph, edited: list[bpy.types.FCurve]
+        self, ob: bpy.types.Object, graph: bpy.types.Depsgraph, edited: list[bpy.types.FCurve], seen: bpy.types.Object
     ) -> tuple[dict[str, Any], list[dict[str, Any]]] | None:
         """Returns what RigProgram.edited is given, or None if something else has changed. From then on, these are the
-        numbers that are known. edited: the curves of the object's action whose keyframes are others. Raises ValueError
-        if something from outside can no longer be read."""
+        numbers that are known. edited: the curves of the object's action whose keyframes are others; seen: as
+        reading.read is given it. Raises ValueError if something from outside can no longer be read."""
         if self._state is None or _state(ob) != self._state or list(self._read_switches(ob)) != self._switches:
             return None
         if self._read_modes() != self._modes or self._read_objects() != self._objects:
@@ -48,7 +51,7 @@ class Known:
         own = {curve.as_pointer() for curve in animation.slot_curves(ob)} if edited else set()
         edited = [curve for curve in edited if curve.as_pointer() in own]  # other slots are others'
         rows = [self._row_of(curve) for curve in edited if paths.has_effect(paths.normalised(curve.data_path))]
-        before, self._numbers = self._numbers, self._read(ob, graph)
+        before, self._numbers = self._numbers, self._read(ob, graph, seen)
         if None in rows or [_limits(row) for row in before[1]] != [_limits(row) for row in self._numbers[1]]:
             return None
         given: dict[str, Any] = dict(self._given_of_bones(ob, before[0]))
@@ -92,11 +95,13 @@ class Known:
     def _path_of(self, bone: int, name: str, is_of_rest: bool) -> str:
         return f'{"data" if is_of_rest else "pose"}.bones["{bpy.utils.escape_identifier(self._names[bone])}"].{name}'
 
-    def _read(self, ob: bpy.types.Object, graph: bpy.types.Depsgraph) -> tuple[np.ndarray, list, dict[str, Any]]:
+    def _read(
+        self, ob: bpy.types.Object, graph: bpy.types.Depsgraph, seen: bpy.types.Object
+    ) -> tuple[np.ndarray, list, dict[str, Any]]:
         """Returns the numbers of bones, the custom properties, and what comes from outside."""
         outside = self.outside.values(graph) | self.targets.matrices(graph)
-        known = ob, self._places, bone_numbers.read(ob)
-        return bones.values_of(*known), list(properties.properties_of(*known)), outside
+        known = self._places, bone_numbers.read(ob)
+        return bones.values_of(ob, *known), list(properties.properties_of(seen, *known)), outside
 
     def _given_of_bones(self, ob: bpy.types.Object, before: np.ndarray) -> Iterator[tuple[str, Any]]:
         now = self._numbers[0]
@@ -149,12 +154,12 @@ def _modifiers_of(curve: bpy.types.FCurve) -> Any:
 
 def _state(ob: bpy.types.Object) -> Any:
     """Returns what is equal at two times if all that an armature object is read from is, except for how it is posed,
-    its custom properties, its keyframes, what comes from outside, and what Blender builds relations for, such as the
-    handles of a B-bone. None if that cannot be told."""
+    its custom properties, its keyframes, and what comes from outside. None if that cannot be told."""
     data = ob.animation_data
     if not bone_bytes.can_read() or data is not None and data.use_tweak_mode:
         return None
-    found: list[Any] = [pose_settings.read(ob), bone_bytes.read_bytes(ob.data), strips.state_of(ob)]
+    bones_now = bone_bytes.read_bytes(ob.data), bone_bytes.read_handles(ob.data)
+    found: list[Any] = [pose_settings.read(ob), bones_now, strips.state_of(ob)]
     for block in (ob, ob.data):
         own = animation.drivers_of(block)
         stored = keyframes.read(own)

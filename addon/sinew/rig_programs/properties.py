@@ -24,7 +24,7 @@ def owner_and_name(path: str) -> tuple[str, str]:
 
 def properties_of(ob: bpy.types.Object, row: np.ndarray, stored: Any) -> Iterator[dict[str, Any]]:
     """Yields those of the object, of its data, and of all bones of either. row, stored: as bones.values_of is given
-    them."""
+    them, of the original."""
     yield from of_holder(ob, "")
     yield from of_holder(ob.data, "data.")
     may_have = [True] * len(row) if stored is None else stored[0].have_properties() | stored[1].have_properties()[row]

@@ -49,12 +49,16 @@ def without_collecting() -> Iterator[None]:
 
 @without_collecting()
 def read(
-    ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph | None = None, keyed: Iterable[driven_keys.Keyed] = ()
+    ob: bpy.types.Object,
+    depsgraph: bpy.types.Depsgraph | None = None,
+    keyed: Iterable[driven_keys.Keyed] = (),
+    seen: bpy.types.Object | None = None,
 ) -> Reading:
     """Reads an armature object with its animation, and values of shape keys that it drives. What the description cannot
     say is in its `refused`, by name and reason. Raises ValueError for another type of object, and before Blender 4.2.
 
-    depsgraph: in which what comes from outside is evaluated; None: that of the context."""
+    depsgraph: in which what comes from outside is evaluated; None: that of the context. seen: its copy whose custom
+    properties count; None: it has them itself."""
     if ob.type != "ARMATURE":
         raise ValueError(f"{ob.name} is no armature: choose one")
     if not CAN_READ:
@@ -75,7 +79,7 @@ def read(
         "world": [list(row) for row in ob.evaluated_get(depsgraph).matrix_world],
         "bones": rows,
         "constraints": list(constraints.constraints_of(ob, rows, found)),
-        "properties": list(properties.properties_of(ob, row, stored)),
+        "properties": list(properties.properties_of(seen or ob, row, stored)),
         "curves": list(drivers.curves_of(ob, found)),
         "drivers": list(drivers.drivers_of(ob, found, outside)),
     }

@@ -44,7 +44,7 @@ class Targets:
         if target is None:
             return None
         if target == self.ob:
-            return {"armature": True} if not bone else {"bone": bone} if bone in self.bones else None
+            return {"bone": bone} if bone in self.bones else {"armature": True}  # as Blender does
         if bone and target.type != "ARMATURE":
             raise curves.Refused(f"it looks at the vertices {bone} of {target.name}, which is not covered")
         if bone and bone not in target.pose.bones:  # so that Blender does not know what to evaluate first
