@@ -187,6 +187,7 @@ def test_of_what_else_moves_nothing_is_evaluated_on_other_frames(cast):
     layer().update()
     wait(cast)
     assert shape.location.x == 50
+    assert cast.rig.reason == "Shape, on which Rig depends, has changes that are not keyed"
     cast.play()
 
 
@@ -1235,6 +1236,43 @@ def test_linked_characters_and_overrides(cast, tmp_path, is_override):
     cast.assert_same()
     wait(cast)
     assert cast.rig.is_frozen, cast.rig.reason
+    cast.play()
+
+
+@pytest.mark.parametrize("is_known", (False, True))
+def test_what_blender_has_yet_to_evaluate_is_no_difference(cast, is_known):
+    """A timer runs between the last step of a drag, which is keyed, and the evaluation after it."""
+    if is_known:
+        accelerate(cast)
+        add_object(cast)
+        layer().update()
+        assert not cast.rig.is_idle
+    for moved in (0.3, 0.5):
+        for armature, *_ in both(cast):
+            bone = armature.pose.bones["bone2"]
+            bone.location.x += moved
+            bone.keyframe_insert("location")
+        users, graph = bpy.data.user_map(), layer().depsgraph
+        found = addon_module("frozen.followers").find([cast.rig.ob], users, graph)[cast.rig.ob]
+        addon_module("frozen.computing").prove(cast.rig, found, users, cast.scene, graph)
+        assert cast.rig.difference is None and not cast.rig.has_differed
+        layer().update()
+    accelerate(cast)
+    cast.play()
+
+
+def test_an_override_on_another_frame_than_its_library(cast, tmp_path):
+    """What it was made from still has the pose of the library's frame."""
+    names = in_a_collection(cast)
+    cast.scene.frame_set(5)
+    into_a_shot(tmp_path, True)
+    cast.scene = bpy.context.scene
+    cast.scene.frame_start, cast.scene.frame_end = 1, 10
+    objects = {ob.name: ob for ob in bpy.data.objects if ob.override_library}
+    cast.frozen, cast.live = ([objects[name] for name in each] for each in names)
+    keep_live(cast)
+    cast.scene.frame_set(2)
+    accelerate(cast)
     cast.play()
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from ..blender import armatures, dependencies
 from ..rig_programs import reading
 from ..run import characters
-from . import comparing, freezing, playing, reasons, resting, rigs
+from . import comparing, elsewhere, freezing, playing, reasons, resting, rigs
 
 # A rig with less to compute costs less than what it takes to write its pose into Blender. A constraint or a driver
 # counts for as much as a bone.
@@ -78,7 +78,7 @@ def step(scene: Any, layer: Any, number: int) -> bool:
         if not rig.source.compared:
             if comparing.compare(rig, scene):
                 freezing.keep_frozen(scene, layer)
-            rig.reason = rig.source.refusal
+            rig.reason = rig.source.refusal or ("" if rig.source.compared else _why_not_compared(rig, scene))
             _note(rig, bool(rig.source.compared), number)
             return True
     if due:
@@ -97,6 +97,12 @@ def compare_more(scene: Any, layer: Any) -> bool:
                 freezing.thaw([rig] if rig.source.refusal else [], scene, layer)
             return True
     return False
+
+
+def _why_not_compared(rig: rigs.Rig, scene: Any) -> str:
+    """Returns why a rig cannot be compared with Blender on any frame, as a sentence."""
+    name = elsewhere.edited(dependencies.chain(rig.ob), scene)
+    return f"{name}, on which {rig.name} depends, has changes that are not keyed" if name else ""
 
 
 def _note(rig: rigs.Rig, has_succeeded: bool, number: int) -> None:

@@ -19,10 +19,27 @@ _COPIED = ("use_simplify", "simplify_subdivision", "frame_map_old", "frame_map_n
 def animated(objects: Iterable[Any], scene: bpy.types.Scene) -> list[Any] | None:
     """Returns the data-blocks with keyframes on which original objects depend; None if any of them has been edited
     without a key, or the scene is between two frames."""
-    found = [each for each in dependencies.used(objects, dependencies.Users.now()) if rigs.has_animation(each)]
+    found = _animated(objects)
+    return None if scene.frame_subframe or _edited(found, scene) else found
+
+
+def edited(objects: Iterable[Any], scene: bpy.types.Scene) -> str:
+    """Returns the name of a data-block on which original objects depend that has been edited without a key; "" if there
+    is none."""
+    return _edited(_animated(objects), scene)
+
+
+def _animated(objects: Iterable[Any]) -> list[Any]:
+    users = dependencies.Users.now()
+    for block in users:  # what a library override was made from is not evaluated because of it
+        if block.override_library is not None:
+            users.get(block.override_library.reference, set()).discard(block)
+    return [each for each in dependencies.used(objects, users) if rigs.has_animation(each)]
+
+
+def _edited(found: Iterable[Any], scene: bpy.types.Scene) -> str:
     time = scene.frame_current_final
-    is_edited = scene.frame_subframe or any(computing.may_be_unkeyed(each, time) for each in found)
-    return None if is_edited else found
+    return next((each.name for each in found if computing.may_be_unkeyed(each, time)), "")
 
 
 @contextmanager

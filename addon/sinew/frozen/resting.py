@@ -1,5 +1,5 @@
-"""Rigs that somebody edits on each frame, such as a script that poses them and inserts keys. To read a rig again takes as
-long as Blender does for several frames, so one that has to be read too often stays Blender's until it rests."""
+"""Rigs that somebody edits on each frame, such as a script that poses them and inserts keys. To read a rig again takes
+as long as Blender does for several frames, so one that has to be read too often stays Blender's until it rests."""
 
 from dataclasses import dataclass
 from typing import Any
