@@ -1017,13 +1017,16 @@ def test_scripts_in_the_background(cast):
 def readings(monkeypatch):
     """The names of the rigs whose programs were read, in order."""
     computing, found = addon_module("frozen.computing"), []
-    for name in ("read", "read_again"):
 
-        def counted(rig, *others, function=getattr(computing, name)):
+    def counted(function):
+        def noted(rig, *others):
             found.append(rig.name)
             return function(rig, *others)
 
-        monkeypatch.setattr(computing, name, counted)
+        return noted
+
+    for name in ("read", "read_again"):
+        monkeypatch.setattr(computing, name, counted(getattr(computing, name)))
     return found
 
 

@@ -23,7 +23,6 @@ from .followers import Followers
 from .keys import Keys, keys_of
 from .rigs import Source
 
-
 FRAMES_AT_ONCE = 32  # that are computed before they are put into the store, whose memory is limited
 
 

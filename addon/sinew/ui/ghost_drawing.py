@@ -108,8 +108,8 @@ def forget_all_but(drawn: list[Drawing]) -> None:
             del _batches[key]
     for key in list(_batches.keys() - keys)[: max(len(_batches) - MOST_SPARE - len(keys), 0)]:
         del _batches[key]
-    for key in _triangles.keys() - {key for key, _frame in _batches}:
-        del _triangles[key]
+    for mesh in _triangles.keys() - {mesh for mesh, _frame in _batches}:
+        del _triangles[mesh]
 
 
 def _batch(ghost: ghosts.Ghost) -> Any:
