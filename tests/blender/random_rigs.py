@@ -523,6 +523,10 @@ class HasCycle(Exception):
     """The rig depends on itself, or Blender does not wait for what it needs. What Blender does with it is its own."""
 
 
+class IsUnsteady(HasCycle):
+    """Blender computes another pose each time."""
+
+
 def differences_of(seed, features, times=TIMES):
     """The differences between program and Blender in the rig. Raises HasCycle."""
     ob = make(seed, features)
@@ -534,20 +538,40 @@ def differences_of(seed, features, times=TIMES):
         if "cycle" in str(error) or "depend" in str(error):
             raise HasCycle from error
         raise
-    found = checking.differences(program, recorded := checking.record_frames(ob, read, times))
-    edits, after_edits = edit_differences(ob, read, program, random.Random(seed))
-    found += edits
-    # Out of what is not a number, or very large, anything may come; no rig that people use has it.
-    broken = broken_times(recorded) | broken_times(after_edits)
+
+    def record():
+        return checking.record_frames(ob, read, times)
+
+    found, broken = checking.differences(program, recorded := record()), broken_times(recorded)
     if found:
-        for _ in range(5):
-            again = checking.record_frames(ob, read, times)
-            if not all(map(np.array_equal, again.poses, recorded.poses)):
-                raise HasCycle from ValueError("Blender computes another pose each time: it does not wait for all IK")
-        for constraint in [each for bone in ob.pose.bones for each in bone.constraints if each.type == "IK"]:
-            constraint.influence = 1  # less would hide what the chain has made of it
-        broken |= broken_times(checking.record_frames(ob, read, times))
-    return [difference for difference in found if difference.time not in broken]
+        # Before anything is edited: the poses of other values are others.
+        check_repeats(recorded, record)
+        broken |= broken_times(whole_chains(ob, record))
+    edits, after_edits = edit_differences(ob, read, program, random.Random(seed))
+    broken |= broken_times(after_edits)
+    if edits:
+        broken |= broken_times(whole_chains(ob, record))
+    # Out of what is not a number, or very large, anything may come; no rig that people use has it.
+    return [difference for difference in (*found, *edits) if difference.time not in broken]
+
+
+def check_repeats(recorded, record):
+    """Raises IsUnsteady if Blender computes another pose each time. record: has it compute the recorded poses again."""
+    for _ in range(5):
+        if not all(map(np.array_equal, record().poses, recorded.poses)):
+            raise IsUnsteady from ValueError("Blender computes another pose each time: it does not wait for all IK")
+
+
+def whole_chains(ob, record):
+    """Returns what Blender computes if IK has all influence: less would hide what a chain has made of it."""
+    chains = [each for bone in ob.pose.bones for each in bone.constraints if each.type == "IK"]
+    before = [each.influence for each in chains]
+    for constraint in chains:
+        constraint.influence = 1
+    recorded = record()
+    for constraint, influence in zip(chains, before, strict=True):
+        constraint.influence = influence
+    return recorded
 
 
 # On their values it depends how the rig is built, or Blender keeps something of the value before.
@@ -572,13 +596,21 @@ def edit_differences(ob, read, program, source):
             value = edit(ob, path, source)
             if value is not None:
                 given[path] = value
-        ob.update_tag(refresh={"OBJECT", "DATA"})
-        ob.data.update_tag()
-        bpy.context.view_layer.update()
-        now = checking.Recording()
-        for each in (now, recorded):
-            each.add(ob, read, dict(given))
-        found += checking.differences(program, now)
+
+        def record():
+            ob.update_tag(refresh={"OBJECT", "DATA"})
+            ob.data.update_tag()
+            bpy.context.view_layer.update()
+            now = checking.Recording()
+            now.add(ob, read, dict(given))
+            return now
+
+        now = record()
+        recorded.add(ob, read, dict(given))
+        differences = checking.differences(program, now)
+        if differences:
+            check_repeats(now, record)
+        found += differences
     return found, recorded
 
 

@@ -35,6 +35,9 @@ IS_WINDOWS = sys.platform == "win32"  # here with Wine, which is slow
 TRIED = [HUMAN] if IS_WINDOWS else [HUMAN, *METARIGS[1 + PART :: PARTS]]
 SEEDS = 40 if IS_WINDOWS else 200
 PORTION = 20
+MOST_UNSTEADY = 5  # of a portion
+# Seeds that differ before Blender 5: a bone without any size that Stretch To turns has no numbers, in Blender zeros.
+DIFFERENT = {135} if bpy.app.version < (5, 0, 0) else set()
 
 pytestmark = pytest.mark.skipif(bpy.app.version < (4, 2, 0), reason="rigs are programs from Blender 4.2 on")
 
@@ -83,23 +86,42 @@ def armature(fresh_scene):
 
 @pytest.mark.parametrize("first", range(1, SEEDS + 1, PORTION))
 def test_random_rigs(first):
-    outcomes = dict.fromkeys(("equal", "cycle", "undefined driver"), 0)
+    outcomes = dict.fromkeys(("equal", "cycle", "unsteady", "different", "undefined driver"), 0)
     for seed in range(first, first + PORTION):
         features = random_rigs.features_of(seed)
         try:
             found = random_rigs.differences_of(seed, features)
-        except random_rigs.HasCycle:
-            outcomes["cycle"] += 1
+        except random_rigs.HasCycle as reason:
+            outcomes["unsteady" if isinstance(reason, random_rigs.IsUnsteady) else "cycle"] += 1
             continue
         except ValueError as error:
             # In 4.3 such a driver may have left a location that is not a number.
             assert re.search("Blender switches such a driver off|has -?nan as a value of", str(error))
             outcomes["undefined driver"] += 1
             continue
+        if found and seed in DIFFERENT:
+            outcomes["different"] += 1
+            continue
         needed = random_rigs.shrunk(seed, features, partial(random_rigs.differs, seed)) if found else ()
         assert not found, f"seed {seed}: {found[0]}; it needs {needed}"
         outcomes["equal"] += 1
-    assert outcomes["equal"] >= PORTION / 2, outcomes  # 4.3 waits for IK less often
+    assert outcomes["equal"] >= PORTION / 2 and outcomes["unsteady"] <= MOST_UNSTEADY, outcomes
+
+
+@pytest.mark.parametrize("seed", (2, 3, 5))
+def test_what_is_wrong_is_not_taken_for_unsteady(monkeypatch, seed):
+    """What Blender does is compared before the rig is edited."""
+    checking = addon_module("rig_programs.checking")
+    program_of = checking.program_of
+
+    def wrong(read):
+        for constraint in read.description["constraints"]:
+            if constraint["type"] == "MAINTAIN_VOLUME":
+                constraint["settings"]["volume"] *= 1.05
+        return program_of(read)
+
+    monkeypatch.setattr(checking, "program_of", wrong)
+    assert random_rigs.differences_of(seed, random_rigs.features_of(seed))
 
 
 @pytest.mark.parametrize("seed, features", random_rigs.KEPT)
