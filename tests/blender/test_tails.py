@@ -1,6 +1,7 @@
 """Modifiers behind those that deform whose vertices are weighted sums: Sinew finds the sums and makes the vertices, and
 the shape is as that of a twin that Blender deforms, with all that its mesh has."""
 
+import itertools
 from random import Random
 
 import bmesh
@@ -18,6 +19,7 @@ from helpers import (
     depsgraph,
     end,
     evaluated,
+    needs_rig_programs,
     reopened,
     select,
     shortcut_of,
@@ -817,3 +819,81 @@ def test_originals_of_what_was_evaluated_are_there_until_all_handlers_are_done(f
     finally:
         bpy.app.handlers.depsgraph_update_post.remove(look)
     assert not missing
+
+
+@pytest.fixture
+def searching(monkeypatch):
+    """The module, as in a window, where a look is one evaluation."""
+    searching = addon_module("stencils.searching")
+    monkeypatch.setattr(searching, "FRAMES_AHEAD", 1000)
+    monkeypatch.setattr(searching, "_is_busy", lambda _context: False)
+    monkeypatch.setattr(searching, "perf_counter", itertools.count().__next__)
+    monkeypatch.setattr(searching, "SECONDS_AT_ONCE", 1.5)
+    return searching
+
+
+def bits(searching):
+    """Yields after each bit of a search but the last."""
+    for _ in range(300):
+        searching.look()
+        addon_module("run.mail").deliver()
+        if searching.is_running():
+            yield
+        elif not searching._lacking():
+            bpy.context.view_layer.update()
+            return
+    raise AssertionError(searching._search.says if searching.is_running() else "it does not begin or end")
+
+
+@needs_rig_programs
+def test_a_search_thaws_rigs_once(fresh_scene, searching, monkeypatch):
+    monkeypatch.setattr(addon_module("frozen.accelerating"), "LEAST_WORK", 0)
+    pairs = bound(character_with(*PAIRS["subdivision"]))
+    find_stencils()
+    accelerating, freezing = addon_module("frozen.accelerating"), addon_module("frozen.freezing")
+    rig = addon_module("frozen.rigs").learn(pairs[0][0].parent)
+    accelerating.accelerate(fresh_scene, bpy.context.view_layer)
+    assert rig.is_frozen
+    thawed = count = 0
+    for _ in bits(searching):
+        bpy.context.view_layer.update()
+        count, thawed = count + 1, thawed + (not rig.is_frozen)
+        freezing.freeze_again(fresh_scene, bpy.context.view_layer)
+        assert rig.is_frozen
+    assert count > 8 and thawed <= 1 and tail_of(pairs[0][0])
+    assert_all_same(pairs)
+
+
+def test_nothing_of_a_search_is_saved_or_outlives_undo(fresh_scene, searching, tmp_path):
+    """Undo steps may be made while it goes on."""
+    name, probing = addon_module("stencils.probing").NAME, addon_module("stencils.probing")
+    pairs = bound(character_with(*PAIRS["subdivision"]))
+    names = [each.name for each in pairs[0]]
+    find_stencils()
+    bpy.ops.ed.undo_push(message="before")
+    going_on = bits(searching)
+    for _ in range(3):
+        next(going_on)
+    assert bpy.data.scenes.get(name) is not None
+    path = str(tmp_path / "saved.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    with bpy.data.libraries.load(path) as (saved, _wanted):
+        assert name not in [*saved.scenes, *saved.objects, *saved.meshes]
+    next(going_on)
+    bpy.data.objects[names[0]].location.x += 1
+    bpy.data.objects[names[1]].location.x += 1
+    bpy.ops.ed.undo_push(message="while it goes on")
+    bpy.data.objects[names[0]].location.x += 1
+    bpy.ops.ed.undo_push(message="later")
+    for step in (bpy.ops.ed.undo, bpy.ops.ed.undo, bpy.ops.ed.redo):
+        step()
+        left = [*bpy.data.scenes, *bpy.data.objects, *bpy.data.meshes]
+        assert not [each.name for each in left if each.name.startswith(probing.NAME)]
+    bpy.context.view_layer.update()
+    find_stencils()
+    for _ in bits(searching):
+        pass
+    pairs = [tuple(bpy.data.objects[each] for each in names)]
+    assert tail_of(pairs[0][0])
+    assert_all_same(pairs)
+    assert bpy.data.scenes.get(name) is None

@@ -17,7 +17,7 @@ from ..host import evaluations, graph_modes, places, pose_settings, switches
 from ..install import bind, canvases, deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
 from ..plan import canvas_survey, survey, ways, wiring
 from ..run import afterwards, characters, graph_copies, mail
-from ..stencils import searching
+from ..stencils import probing, searching
 from ..weights import reports
 from . import callbacks, whole_frames, write_lock
 
@@ -179,12 +179,14 @@ def on_load(*_: Any) -> None:
         forget_more()
     callbacks.another_file()
     mail.removals.clear()
+    probing.remove_leftovers()
     forget()
     take_over_open_file()
 
 
 @persistent
 def before_save(*_: Any) -> None:
+    searching.put_away()
     mail.remove_what_waits()
     for ob in characters.known():
         planning = characters.of(ob).planning
@@ -217,11 +219,13 @@ def after_render(scene: bpy.types.Scene, *_: Any) -> None:
 
 @persistent
 def before_undo_redo(*_: Any) -> None:
+    searching.put_away()
     canvases.remove_all()
 
 
 @persistent
 def on_undo_redo(*_: Any) -> None:
+    probing.remove_leftovers()
     characters.gather_again()
     characters.follow_undo()
     forget_what_was_seen()

@@ -72,13 +72,15 @@ def canvas_of(
 
 # Custom property of a canvas: what `simplification` returned when Blender was last told to evaluate it.
 SIMPLIFIED = "simplified"
+OWN_SCENES = ".Sinew "  # what the names of those begin with that Sinew has made for a while
 _SIMPLIFY = "use_simplify", "simplify_subdivision", "simplify_subdivision_render"
 
 
 def simplification() -> str:
-    """Returns the settings of all scenes on which the result of a front depends. Blender tells the objects of a scene
-    when they change, but not canvases."""
-    return str([[getattr(scene.render, name) for name in _SIMPLIFY] for scene in bpy.data.scenes])
+    """Returns the settings of the user's scenes on which the result of a front depends. Blender tells the objects of a
+    scene when they change, but not canvases."""
+    others = (scene for scene in bpy.data.scenes if not scene.name.startswith(OWN_SCENES))
+    return str([[getattr(scene.render, name) for name in _SIMPLIFY] for scene in others])
 
 
 def has_modifiers_of(

@@ -68,8 +68,9 @@ class Canvas:
         return self._made[2]
 
     def _open(self) -> None:
-        if self._made:
+        if self._made and all(map(_is_alive, self._made)):
             return
+        self.close()
         mesh = self._mesh_of()
         mesh.name = NAME
         scene, copy = bpy.data.scenes.new(NAME), bpy.data.objects.new(NAME, mesh)
@@ -96,7 +97,8 @@ class Canvas:
         """Removes what it has made. The next result makes it again."""
         made, self._made = self._made, ()
         for block, collection in zip(made, ("scenes", "objects", "meshes")):
-            getattr(bpy.data, collection).remove(block)
+            if _is_alive(block):
+                getattr(bpy.data, collection).remove(block)
 
     def result(self, positions: np.ndarray, is_shifted: bool = True) -> np.ndarray:
         """Returns the vertices (R, 3) that the modifiers make of these (V, 3). is_shifted: with Arrays' offsets."""
@@ -112,6 +114,23 @@ class Canvas:
         found = meshes.read_evaluated(copy.evaluated_get(layer.depsgraph)).copy()
         self.seconds += perf_counter() - begin
         return found
+
+
+def _is_alive(block: Any) -> bool:
+    try:
+        return bool(block.as_pointer())
+    except ReferenceError:
+        return False
+
+
+def remove_leftovers() -> None:
+    """Removes what an undo step, or a file that was saved by itself, has kept of canvases."""
+    for scene in [each for each in bpy.data.scenes if each.name.startswith(NAME)]:
+        found = [(ob, ob.data) for ob in scene.collection.objects]
+        bpy.data.scenes.remove(scene)
+        for ob, mesh in found:
+            bpy.data.objects.remove(ob)
+            bpy.data.meshes.remove(mesh)
 
 
 def _strip(copy: bpy.types.Object, keeps_groups: bool) -> None:

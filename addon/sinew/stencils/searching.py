@@ -1,8 +1,9 @@
 """Finds the stencils of the tails of bound meshes, in the main thread, while Blender evaluates their modifiers as ever.
 
-In a window this is done bit by bit, while nothing is played, rendered or dragged. Between two bits, nothing of it is in
-the file, so that neither undo nor a saved file has any of it. What was found is compared with Blender on the shape that
-is shown then. In the background it is done at once, as soon as so many frames were changed that it would have paid.
+In a window this is done bit by bit, while nothing is played, rendered or dragged. What it needs is in one hidden scene
+from the first bit to the last: to add one for each would have Blender build all relations again, and thaw all rigs. It
+is put away before the file is saved and before undo. What was found is compared with Blender on the shape that is shown
+then. In the background it is done at once, as soon as so many frames were changed that it would have paid.
 """
 
 import logging
@@ -64,8 +65,10 @@ class Search:
         except StopIteration as done:
             self._compare(ob, done.value)
             return Tail(self.names, self._digest, self._simplification, self._with(ob, done.value))
-        finally:
-            self._canvas.close()
+
+    def put_away(self) -> None:
+        """Removes from the file what the search needs. It may go on."""
+        self._canvas.close()
 
     def _with(self, ob: bpy.types.Object, found: Any) -> tuple[Any, Any]:
         """Returns the stencils for viewports and renders: what was found, and what else is known of the same tail."""
@@ -176,23 +179,36 @@ def is_running() -> bool:
     return _search is not None
 
 
+def put_away() -> None:
+    """Removes from the file what a search needs, until that goes on."""
+    if _search is not None:
+        mail.once_handlers_are_done(_search.put_away)
+
+
+def _end() -> None:
+    global _search
+    put_away()
+    _search = None
+
+
 def look() -> None:
     """Goes on with a search, or begins one. For a timer, in a window."""
     global _search
     context = bpy.context
     if not planning.with_tails:
-        _search = None
+        _end()
     if not planning.with_tails or _search is None and not _may_be_followed and not _lacking() or _is_busy(context):
         return
     if _see_surroundings():
         return
     ob = characters.find(_search.key) if _search is not None else None
     if _search is None or ob is None or not _search.is_current(ob):
+        _end()
         ob = next(iter(_lacking()), None)
         _search = Search(ob, context.scene) if ob is not None else None
     if _search is not None:
         if _bit(_search, ob, SECONDS_AT_ONCE):
-            _search = None
+            _end()
         notice.redraw()
 
 
@@ -227,7 +243,9 @@ def note_frame(is_render: bool) -> None:
         key = values.key_of(ob), is_render
         _frames[key] = _frames.get(key, 0) + 1
         if _frames[key] >= FRAMES_AHEAD:
-            _bit(Search(ob, bpy.context.scene, is_render), ob, float("inf"))
+            search = Search(ob, bpy.context.scene, is_render)
+            _bit(search, ob, float("inf"))
+            search.put_away()
             reason = _in_vain(characters.of(ob))
             _say(ob, f"evaluated by Blender, since {reason}" if reason else "computed natively from the next frame on")
 
@@ -260,8 +278,9 @@ def _bit(search: Search, ob: bpy.types.Object, seconds: float) -> bool:
 
 def forget() -> None:
     """Ends the search, as another file is opened."""
-    global _search, _may_be_followed
-    _search, _may_be_followed = None, True
+    global _may_be_followed
+    _end()
+    _may_be_followed = True
     _frames.clear()
     if not values.KEYS_OUTLIVE_UNDO:
         _asked_for.clear()
