@@ -210,7 +210,7 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
         return False
     unseen = rigs.unseen_actions(rig, graph)
     new = rig.watch or watch.Watch(rig.ob, last.watch.blocks, action, rig.followers.keyed, graph, unseen)
-    keys, numbers = keys_of(action) if last.keys else None, []
+    keys, numbers = _keys_now(rig, action) if last.keys else None, []
     if keys is not None:
         numbers = last.keys.curves.differing(keys.curves)
         has_same_others = last.keys.others == keys.others and last.keys.settings == keys.settings
@@ -236,6 +236,12 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
     rig.watch, rig.keys, rig.has_edited_keys = new, keys, False
     rig.last = _Last(rig.source, last.known, keys, new)
     return True
+
+
+def _keys_now(rig: rigs.Rig, action: Any) -> Keys:
+    """Returns what is stored in an armature's own action. While it is idle, what was without a tag does not count, as
+    in Blender."""
+    return rig.keys if rig.is_idle and rig.keys is not None and not rig.has_edited_keys else keys_of(action)
 
 
 def differing(own: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
