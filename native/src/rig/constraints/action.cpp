@@ -5,6 +5,7 @@
 #include "rig/constraints/mix_transforms.h"
 
 namespace sinew::rig {
+namespace action {
 namespace {
 
 enum Setting : int {
@@ -85,7 +86,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace action
 
-const ConstraintKind kAction = {"ACTION", kSettings, &apply};
+const ConstraintKind kAction = {"ACTION", action::kSettings, &action::apply};
 
 }  // namespace sinew::rig

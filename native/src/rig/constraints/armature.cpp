@@ -4,6 +4,7 @@
 #include "rig/dual_quaternion.h"
 
 namespace sinew::rig {
+namespace armature {
 namespace {
 
 enum Setting : int { kPreserveVolume = kCommonValueCount, kEnvelopes, kCurrentLocation };
@@ -107,7 +108,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace armature
 
-const ConstraintKind kArmature = {"ARMATURE", kSettings, &apply};
+const ConstraintKind kArmature = {"ARMATURE", armature::kSettings, &armature::apply};
 
 }  // namespace sinew::rig

@@ -3,6 +3,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace child_of {
 namespace {
 
 enum Setting : int { kUse = kCommonValueCount, kInverse = kUse + 9 };  // location, rotation and scale of each axis
@@ -49,7 +50,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace child_of
 
-const ConstraintKind kChildOf = {"CHILD_OF", kSettings, &apply, true};
+const ConstraintKind kChildOf = {"CHILD_OF", child_of::kSettings, &child_of::apply, true};
 
 }  // namespace sinew::rig

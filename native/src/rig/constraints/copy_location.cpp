@@ -1,6 +1,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace copy_location {
 namespace {
 
 enum Setting : int { kUse = kCommonValueCount, kInvert = kUse + 3, kOffset = kInvert + 3 };
@@ -21,7 +22,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace copy_location
 
-const ConstraintKind kCopyLocation = {"COPY_LOCATION", kSettings, &apply};
+const ConstraintKind kCopyLocation = {"COPY_LOCATION", copy_location::kSettings, &copy_location::apply};
 
 }  // namespace sinew::rig

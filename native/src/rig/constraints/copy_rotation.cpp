@@ -1,6 +1,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace copy_rotation {
 namespace {
 
 enum Setting : int { kUse = kCommonValueCount, kInvert = kUse + 3, kOrder = kInvert + 3, kMix };
@@ -41,7 +42,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace copy_rotation
 
-const ConstraintKind kCopyRotation = {"COPY_ROTATION", kSettings, &apply};
+const ConstraintKind kCopyRotation = {"COPY_ROTATION", copy_rotation::kSettings, &copy_rotation::apply};
 
 }  // namespace sinew::rig

@@ -1,6 +1,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace copy_scale {
 namespace {
 
 enum Setting : int { kUse = kCommonValueCount, kPower = kUse + 3, kUniform, kOffset, kAdd };
@@ -36,7 +37,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace copy_scale
 
-const ConstraintKind kCopyScale = {"COPY_SCALE", kSettings, &apply};
+const ConstraintKind kCopyScale = {"COPY_SCALE", copy_scale::kSettings, &copy_scale::apply};
 
 }  // namespace sinew::rig

@@ -2,6 +2,7 @@
 #include "rig/constraints/mix_transforms.h"
 
 namespace sinew::rig {
+namespace copy_transforms {
 namespace {
 
 enum Setting : int { kRemoveShear = kCommonValueCount, kMix };
@@ -39,7 +40,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace copy_transforms
 
-const ConstraintKind kCopyTransforms = {"COPY_TRANSFORMS", kSettings, &apply};
+const ConstraintKind kCopyTransforms = {"COPY_TRANSFORMS", copy_transforms::kSettings, &copy_transforms::apply};
 
 }  // namespace sinew::rig

@@ -30,6 +30,7 @@ void turn_axis_to(Mat4& m, const Vec3& direction, int axis) {
   m = widened(upper(rotated(axis_rotation(turn.unit, angle), m)), m.location());
 }
 
+namespace damped_track {
 namespace {
 
 constexpr int kTrackAxis = kCommonValueCount;
@@ -41,7 +42,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace damped_track
 
-const ConstraintKind kDampedTrack = {"DAMPED_TRACK", kSettings, &apply};
+const ConstraintKind kDampedTrack = {"DAMPED_TRACK", damped_track::kSettings, &damped_track::apply};
 
 }  // namespace sinew::rig

@@ -1,6 +1,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace floor {
 namespace {
 
 enum Setting : int { kSide = kCommonValueCount, kUseRotation, kOffset };
@@ -28,7 +29,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace floor
 
-const ConstraintKind kFloor = {"FLOOR", kSettings, &apply};
+const ConstraintKind kFloor = {"FLOOR", floor::kSettings, &floor::apply};
 
 }  // namespace sinew::rig

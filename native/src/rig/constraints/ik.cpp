@@ -3,6 +3,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace ik {
 namespace {
 
 constexpr auto kSettings =
@@ -12,7 +13,8 @@ constexpr auto kSettings =
                   flag_setting("use_location"), flag_setting("use_rotation"));
 
 }  // namespace
+}  // namespace ik
 
-const ConstraintKind kIkConstraint = {"IK", kSettings, nullptr};
+const ConstraintKind kIkConstraint = {"IK", ik::kSettings, nullptr};
 
 }  // namespace sinew::rig

@@ -3,6 +3,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace limit_distance {
 namespace {
 
 enum Setting : int { kDistance = kCommonValueCount, kMode };
@@ -28,7 +29,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace limit_distance
 
-const ConstraintKind kLimitDistance = {"LIMIT_DISTANCE", kSettings, &apply};
+const ConstraintKind kLimitDistance = {"LIMIT_DISTANCE", limit_distance::kSettings, &limit_distance::apply};
 
 }  // namespace sinew::rig

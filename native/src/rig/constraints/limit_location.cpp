@@ -1,6 +1,7 @@
 #include "rig/constraints/limits.h"
 
 namespace sinew::rig {
+namespace limit_location {
 namespace {
 
 constexpr auto kSettings = limit_settings(kUnlimited);
@@ -10,7 +11,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace limit_location
 
-const ConstraintKind kLimitLocation = {"LIMIT_LOCATION", kSettings, &apply};
+const ConstraintKind kLimitLocation = {"LIMIT_LOCATION", limit_location::kSettings, &limit_location::apply};
 
 }  // namespace sinew::rig

@@ -4,6 +4,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace limit_rotation {
 namespace {
 
 enum Setting : int {
@@ -56,7 +57,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace limit_rotation
 
-const ConstraintKind kLimitRotation = {"LIMIT_ROTATION", kSettings, &apply};
+const ConstraintKind kLimitRotation = {"LIMIT_ROTATION", limit_rotation::kSettings, &limit_rotation::apply};
 
 }  // namespace sinew::rig

@@ -1,6 +1,7 @@
 #include "rig/constraints/limits.h"
 
 namespace sinew::rig {
+namespace limit_scale {
 namespace {
 
 constexpr auto kSettings = limit_settings(1000);
@@ -13,7 +14,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace limit_scale
 
-const ConstraintKind kLimitScale = {"LIMIT_SCALE", kSettings, &apply};
+const ConstraintKind kLimitScale = {"LIMIT_SCALE", limit_scale::kSettings, &limit_scale::apply};
 
 }  // namespace sinew::rig

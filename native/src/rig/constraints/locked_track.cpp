@@ -1,6 +1,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace locked_track {
 namespace {
 
 enum Setting : int { kTrackAxis = kCommonValueCount, kLockAxis };
@@ -28,7 +29,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace locked_track
 
-const ConstraintKind kLockedTrack = {"LOCKED_TRACK", kSettings, &apply};
+const ConstraintKind kLockedTrack = {"LOCKED_TRACK", locked_track::kSettings, &locked_track::apply};
 
 }  // namespace sinew::rig

@@ -1,6 +1,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace maintain_volume {
 namespace {
 
 enum Setting : int { kFreeAxis = kCommonValueCount, kMode, kVolume };
@@ -23,7 +24,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace maintain_volume
 
-const ConstraintKind kMaintainVolume = {"MAINTAIN_VOLUME", kSettings, &apply};
+const ConstraintKind kMaintainVolume = {"MAINTAIN_VOLUME", maintain_volume::kSettings, &maintain_volume::apply};
 
 }  // namespace sinew::rig

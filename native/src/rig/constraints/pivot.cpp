@@ -3,6 +3,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace pivot {
 namespace {
 
 enum Setting : int { kRelative = kCommonValueCount, kOffset, kRange = kOffset + 3 };
@@ -47,7 +48,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace pivot
 
-const ConstraintKind kPivot = {"PIVOT", kSettings, &apply};
+const ConstraintKind kPivot = {"PIVOT", pivot::kSettings, &pivot::apply};
 
 }  // namespace sinew::rig

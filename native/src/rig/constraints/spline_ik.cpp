@@ -3,6 +3,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace spline_ik {
 namespace {
 
 constexpr auto kSettings = settings_with(
@@ -13,7 +14,8 @@ constexpr auto kSettings = settings_with(
     real_setting("bulge_smooth", 0, 0, 1));
 
 }  // namespace
+}  // namespace spline_ik
 
-const ConstraintKind kSplineIk = {"SPLINE_IK", kSettings, nullptr};
+const ConstraintKind kSplineIk = {"SPLINE_IK", spline_ik::kSettings, nullptr};
 
 }  // namespace sinew::rig

@@ -5,6 +5,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace stretch_to {
 namespace {
 
 enum Setting : int {
@@ -69,7 +70,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace stretch_to
 
-const ConstraintKind kStretchTo = {"STRETCH_TO", kSettings, &apply};
+const ConstraintKind kStretchTo = {"STRETCH_TO", stretch_to::kSettings, &stretch_to::apply};
 
 }  // namespace sinew::rig

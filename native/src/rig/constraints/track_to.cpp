@@ -1,6 +1,7 @@
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
+namespace track_to {
 namespace {
 
 enum Setting : int { kTrackAxis = kCommonValueCount, kUpAxis, kTargetUp };
@@ -39,7 +40,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace track_to
 
-const ConstraintKind kTrackTo = {"TRACK_TO", kSettings, &apply};
+const ConstraintKind kTrackTo = {"TRACK_TO", track_to::kSettings, &track_to::apply};
 
 }  // namespace sinew::rig

@@ -2,6 +2,7 @@
 #include "rig/rotation_channels.h"
 
 namespace sinew::rig {
+namespace transformation {
 namespace {
 
 // Ranges are minimum and maximum of X, Y and Z, of the source and of the result.
@@ -105,7 +106,8 @@ void apply(const Acting& acting, Mat4& owner) {
 }
 
 }  // namespace
+}  // namespace transformation
 
-const ConstraintKind kTransformation = {"TRANSFORM", kSettings, &apply};
+const ConstraintKind kTransformation = {"TRANSFORM", transformation::kSettings, &transformation::apply};
 
 }  // namespace sinew::rig
