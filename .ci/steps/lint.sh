@@ -26,7 +26,7 @@ tidy() {
   install_packages clang-tidy
   say "clang-tidy"
   # For its compile_commands.json. Each source as it stands: with what it includes itself, and the kernels once.
-  configure "$BUILD/lint" -DSINEW_PYTHON=OFF -DSINEW_TESTS=OFF -DSINEW_PRECOMPILED_HEADERS=OFF \
+  configure "$BUILD/lint" -DSINEW_PYTHON=OFF -DSINEW_TESTS=OFF -DSINEW_PRECOMPILED_HEADERS=OFF -DSINEW_UNITY=OFF \
     -DCMAKE_CXX_FLAGS=-DHWY_COMPILE_ONLY_STATIC || return 1
   run-clang-tidy -quiet -p "$BUILD/lint" -j "$(nproc)" -extra-arg=-Wno-unknown-warning-option \
     "$PWD/native/src/" >"$BUILD/lint/log" 2>&1 ||

@@ -14,26 +14,27 @@ namespace sinew {
 namespace {
 
 // The approximate cost of a vertex on one thread.
-constexpr double kMicroseconds = 1.2e-2;
+constexpr double kMicrosecondsInLattice = 1.2e-2;
 
-constexpr std::size_t kPiece = 1024;
+constexpr std::size_t kVerticesPerTask = 1024;
 
-using Four = std::array<float, LatticeField::kMost>;
+using FourWeights = std::array<float, LatticeField::kMost>;
 
 /// Returns the polynomials of t, by the powers of t, that weigh the four points around a place between the second and
 /// the third, at t of the way; of a linear spline those of these two, then zeros.
-std::array<Four, 4> weights_of(Spline spline) {
+std::array<FourWeights, 4> weights_of(Spline spline) {
   switch (spline) {
     case Spline::linear:
-      return {Four{1}, Four{-1, 1}, Four{}, Four{}};
+      return {FourWeights{1}, FourWeights{-1, 1}, FourWeights{}, FourWeights{}};
     case Spline::b_spline: {
       constexpr float kSixth = 0.16666666f;
-      return {Four{kSixth, 0.66666666f, kSixth}, Four{-0.5f, 0, 0.5f}, Four{0.5f, -1, 0.5f},
-              Four{-kSixth, 0.5f, -0.5f, kSixth}};
+      return {FourWeights{kSixth, 0.66666666f, kSixth}, FourWeights{-0.5f, 0, 0.5f}, FourWeights{0.5f, -1, 0.5f},
+              FourWeights{-kSixth, 0.5f, -0.5f, kSixth}};
     }
     default: {
       const float c = spline == Spline::cardinal ? 0.71f : 0.5f;
-      return {Four{0, 1}, Four{-c, 0, c}, Four{2 * c, c - 3, 3 - 2 * c, -c}, Four{-c, 2 - c, c - 2, c}};
+      return {FourWeights{0, 1}, FourWeights{-c, 0, c}, FourWeights{2 * c, c - 3, 3 - 2 * c, -c},
+              FourWeights{-c, 2 - c, c - 2, c}};
     }
   }
 }
@@ -57,7 +58,7 @@ LatticeField::Axis axis_of(const LatticePoints::Grid& grid, int axis, const Matr
   made.lowest = static_cast<float>(-half);
   made.highest = static_cast<float>(grid.counts[axis] - 2 + half);
   made.before = half - 1 - repeats_of(made);
-  const std::array<Four, 4> weights = weights_of(grid.interpolation[axis]);
+  const std::array<FourWeights, 4> weights = weights_of(grid.interpolation[axis]);
   for (std::size_t power = 0; power < 4; ++power) std::ranges::copy(weights[power], made.weights[power]);
   return made;
 }
@@ -150,16 +151,19 @@ void Lattice::check(const Settings& settings) const {
   if (!settings.points) fail("a lattice has no points");
 }
 
-double Lattice::microseconds(const Settings&) const { return kMicroseconds * static_cast<double>(vertices_.size()); }
+double Lattice::microseconds(const Settings&) const {
+  return kMicrosecondsInLattice * static_cast<double>(vertices_.size());
+}
 
 void Lattice::apply(const Settings& settings, std::span<float> positions) const {
   check_position_count("positions", positions, vertex_count());
   check(settings);
   const bool threads = threads_pay(microseconds(settings));
-  parallel_for(vertices_.size(), threads ? kPiece : vertices_.size(), [&](std::size_t begin, std::size_t end) {
-    move_vertices(settings.points->field(), std::span(vertices_).subspan(begin, end - begin), weights_.data() + begin,
-                  settings.strength, positions.data());
-  });
+  parallel_for(vertices_.size(), threads ? kVerticesPerTask : vertices_.size(),
+               [&](std::size_t begin, std::size_t end) {
+                 move_vertices(settings.points->field(), std::span(vertices_).subspan(begin, end - begin),
+                               weights_.data() + begin, settings.strength, positions.data());
+               });
 }
 
 }  // namespace sinew

@@ -16,9 +16,9 @@ namespace sinew {
 namespace {
 
 // The approximate cost of a weight, and of a block besides, on one thread.
-constexpr double kMicroseconds = 1e-4, kMicrosecondsOfABlock = 5e-2;
+constexpr double kMicrosecondsPerWeight = 1e-4, kMicrosecondsOfABlock = 5e-2;
 
-constexpr std::size_t kPiece = 32, kVertices = CagedBlock::kVertices;
+constexpr std::size_t kBlocksPerTask = 32, kVertices = CagedBlock::kVertices;
 
 using Lanes = Eigen::Array<float, kVertices, 1>;
 
@@ -180,7 +180,7 @@ void MeshDeform::check(const Settings& settings) const {
 }
 
 double MeshDeform::microseconds(const Settings&) const {
-  return kMicroseconds * static_cast<double>(blocks_->cage.size() * kVertices) +
+  return kMicrosecondsPerWeight * static_cast<double>(blocks_->cage.size() * kVertices) +
          kMicrosecondsOfABlock * static_cast<double>(blocks_->count());
 }
 
@@ -191,7 +191,7 @@ void MeshDeform::apply(const Settings& settings, std::span<float> positions) con
   const bool is_finite = Eigen::Map<const Eigen::ArrayXf>(moved.data(), std::ssize(moved)).isFinite().all();
   const auto& m = settings.mesh_from_bound;
   const Blocks& blocks = *blocks_;
-  const std::size_t piece = threads_pay(microseconds(settings)) ? kPiece : blocks.count();
+  const std::size_t piece = threads_pay(microseconds(settings)) ? kBlocksPerTask : blocks.count();
   parallel_for(blocks.count(), piece, [&](std::size_t begin, std::size_t end) {
     alignas(64) float sums[3 * kVertices];
     const Eigen::Map<const Lanes, Eigen::Aligned64> x(sums), y(sums + kVertices), z(sums + 2 * kVertices);

@@ -14,7 +14,7 @@ namespace sinew {
 namespace {
 
 // The approximate cost on one thread of comparing a vertex of two keys.
-constexpr double kMicroseconds = 1e-3;
+constexpr double kMicrosecondsToCompare = 1e-3;
 
 // How many vertices are compared at once; in most of a character's keys, most such groups are equal.
 constexpr std::size_t kCompared = 64;
@@ -130,7 +130,7 @@ ShapeKeys::ShapeKeys(std::span<const std::span<const float>> positions, std::spa
       tiles_[t].weights.shrink_to_fit();
     }
   };
-  const bool parallel = threads_pay(kMicroseconds * static_cast<double>(vertices * keys));
+  const bool parallel = threads_pay(kMicrosecondsToCompare * static_cast<double>(vertices * keys));
   parallel_for(tiles_.size(), parallel ? 1 : tiles_.size(), take_tiles);
 
   for (std::size_t i = 0; i < base_.size(); ++i) {

@@ -7,7 +7,7 @@
 namespace sinew::rig {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+constexpr double kHalfTurn = std::numbers::pi;
 
 double limited(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
@@ -17,8 +17,8 @@ double smoothstep(const double* x) {
 }
 
 constexpr std::array kFunctions{
-    ExpressionFunction{"radians", 1, [](const double* x) { return x[0] * kPi / 180.0; }},
-    ExpressionFunction{"degrees", 1, [](const double* x) { return x[0] * 180.0 / kPi; }},
+    ExpressionFunction{"radians", 1, [](const double* x) { return x[0] * kHalfTurn / 180.0; }},
+    ExpressionFunction{"degrees", 1, [](const double* x) { return x[0] * 180.0 / kHalfTurn; }},
     ExpressionFunction{"abs", 1, [](const double* x) { return std::fabs(x[0]); }},
     ExpressionFunction{"fabs", 1, [](const double* x) { return std::fabs(x[0]); }},
     ExpressionFunction{"floor", 1, [](const double* x) { return std::floor(x[0]); }},

@@ -58,7 +58,7 @@ std::pair<Vec3, Vec3> both_eulers(const Mat3& m, EulerOrder order) {
   return {first, second};
 }
 
-float distance(const Vec3& a, const Vec3& b) {
+float axis_distance(const Vec3& a, const Vec3& b) {
   return std::fabs(a[0] - b[0]) + std::fabs(a[1] - b[1]) + std::fabs(a[2] - b[2]);
 }
 
@@ -249,7 +249,7 @@ Vec3 compatible_euler_of(const Mat4& m, EulerOrder order, const Vec3& old) {
   auto [first, second] = both_eulers(unit_columns(upper(m)), order);
   first = made_compatible(first, old);
   second = made_compatible(second, old);
-  return distance(first, old) > distance(second, old) ? second : first;
+  return axis_distance(first, old) > axis_distance(second, old) ? second : first;
 }
 
 Vec3 rotated_euler(const Vec3& euler, EulerOrder order, int axis, float angle) {

@@ -10,9 +10,8 @@ namespace sinew {
 namespace {
 
 using rig::flag_setting;
+using rig::kPi;
 using rig::real_setting;
-
-constexpr float kPi = 3.14159274F;
 
 constexpr RigSetting several(std::string_view name, int count, float initial = 0) {
   return real_setting(name, initial, -rig::kUnlimited, rig::kUnlimited, count);

@@ -7,7 +7,7 @@
 namespace sinew::rig {
 namespace {
 
-enum Handle { kLeft, kPoint, kRight };
+enum BezierPart { kLeft, kPoint, kRight };
 
 /// The points of a Bezier curve at `count` equal steps without the last, by forward differences.
 void add_bezier(float q0, float q1, float q2, float q3, int count, int axis, Vec3* points) {

@@ -55,7 +55,7 @@ const float* centers_of(const RotationCenters& data, const Palette& palette, con
   return moved.points;
 }
 
-enum class Way { linear, kernel, one_by_one };
+enum class CenterWay { linear, kernel, one_by_one };
 
 }  // namespace
 
@@ -64,17 +64,17 @@ void run_rotation_centers(const BlockedSkin& skin, const Palette& palette, const
   const float* const centers = centers_of(data, palette, tile);
   const auto way_of = [&](std::size_t b) {
     const JointSet set = skin.sets[skin.blocks[b].joint_set];
-    if (!data.block_has_centers(b) || set.is_rigid) return Way::linear;
-    return palette.ways[skin.blocks[b].joint_set] == SetWay::one_by_one ? Way::one_by_one : Way::kernel;
+    if (!data.block_has_centers(b) || set.is_rigid) return CenterWay::linear;
+    return palette.ways[skin.blocks[b].joint_set] == SetWay::one_by_one ? CenterWay::one_by_one : CenterWay::kernel;
   };
-  for_runs(tile, way_of, [&](Way way, const Tile& part) {
+  for_runs(tile, way_of, [&](CenterWay way, const Tile& part) {
     const float* const own = centers + (part.begin - tile.begin) * kBlockFloats;
-    if (way == Way::kernel) {
+    if (way == CenterWay::kernel) {
       rotation_center_blocks(skin, part, palette.matrices.data(), palette.quaternion_joints(), own);
       return;
     }
     run_linear(skin, palette, part);
-    if (way == Way::linear) return;
+    if (way == CenterWay::linear) return;
     const std::size_t first = part.begin * kBlock;
     for (std::size_t v = first; v < skin.vertex_after(part.end); ++v) {
       const std::size_t at = 3 * (v - first);

@@ -13,9 +13,9 @@ namespace sinew {
 namespace {
 
 // The approximate cost of a vertex on one thread.
-constexpr double kMicroseconds = 6e-3;
+constexpr double kMicrosecondsToHook = 6e-3;
 
-constexpr std::size_t kPiece = 4096;
+constexpr std::size_t kHookPiece = 4096;
 
 /// Returns m * p, summed in Blender's order.
 Eigen::Vector3f times(const Eigen::Ref<const Eigen::Matrix3f>& m, const float* p) {
@@ -113,7 +113,7 @@ void Hook::check(const Settings& settings) const {
 }
 
 double Hook::microseconds(const Settings& settings) const {
-  return settings.strength == 0 ? 0 : kMicroseconds * static_cast<double>(vertices_.size());
+  return settings.strength == 0 ? 0 : kMicrosecondsToHook * static_cast<double>(vertices_.size());
 }
 
 void Hook::apply(const Settings& settings, std::span<float> positions) const {
@@ -122,7 +122,7 @@ void Hook::apply(const Settings& settings, std::span<float> positions) const {
   if (settings.strength == 0) return;
   const Pull pull(settings);
   const bool threads = !names_twice_ && threads_pay(microseconds(settings));
-  parallel_for(vertices_.size(), threads ? kPiece : vertices_.size(), [&](std::size_t begin, std::size_t end) {
+  parallel_for(vertices_.size(), threads ? kHookPiece : vertices_.size(), [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       pull.move(weights_[i], positions.data() + 3 * std::size_t{vertices_[i]});
     }

@@ -8,7 +8,7 @@ namespace sinew {
 namespace {
 
 // The approximate cost of a vertex on one thread: to copy in and out, and per iteration.
-constexpr double kMicroseconds = 3.5e-3, kMicrosecondsStep = 1e-3;
+constexpr double kMicrosecondsToCopy = 3.5e-3, kMicrosecondsStep = 1e-3;
 
 std::vector<float> positive_weights(const VertexGroup& group, std::ptrdiff_t vertices) {
   std::vector<float> weights = weights_of(group, vertices);
@@ -41,7 +41,7 @@ void Smooth::check(const Settings& settings) const { check_setting("factor", set
 double Smooth::microseconds(const Settings& settings) const {
   const bool moves = settings.x || settings.y || settings.z;
   if (settings.iterations <= 0 || settings.factor == 0 || !moves) return 0;
-  return static_cast<double>(body_->around.worked_on) * (kMicroseconds + kMicrosecondsStep * settings.iterations);
+  return static_cast<double>(body_->around.worked_on) * (kMicrosecondsToCopy + kMicrosecondsStep * settings.iterations);
 }
 
 void Smooth::apply(const Settings& settings, std::span<float> positions) const {

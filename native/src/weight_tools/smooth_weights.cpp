@@ -11,10 +11,10 @@
 namespace sinew {
 namespace {
 
-constexpr std::size_t kPoints = 512;  // in a task
+constexpr std::size_t kSmoothedPoints = 512;  // in a task
 
 /// Weights below this share of their vertex's sum are left out; after a solve, which reaches everywhere, more of them.
-constexpr double kLeast = 1e-6, kLeastSolved = 1e-5;
+constexpr double kLeastSmoothed = 1e-6, kLeastSolved = 1e-5;
 
 /// Steps of the progress: of a solve, and of what follows it or the steps.
 constexpr std::int64_t kSolveSteps = 100, kFinishSteps = 20;
@@ -22,7 +22,7 @@ constexpr std::int64_t kSolveSteps = 100, kFinishSteps = 20;
 /// Adds what has been summed, without what is too little; the others get its share.
 void add_row(RowSum& sum, double total, WeightTable& rows) {
   const auto row = sum.take();
-  const double least = kLeast * total;
+  const double least = kLeastSmoothed * total;
   double kept = 0;
   for (const BoneWeight& own : row) kept += own.weight >= least ? own.weight : 0.0;
   for (const BoneWeight& own : row) {
@@ -96,7 +96,7 @@ class Smoothing {
         add_row(sum, sum.total(), rows);
       }
     };
-    rows_ = table_of_rows(points(), weights_.bones(), kPoints, progress_, 1, make);
+    rows_ = table_of_rows(points(), weights_.bones(), kSmoothedPoints, progress_, 1, make);
   }
 
   /// (D + t (D - A)) w' = D w, with the neighbours A and how many they are, D: symmetric.
@@ -164,7 +164,7 @@ class Smoothing {
         }
       }
     };
-    rows_ = table_of_rows(points(), weights_.bones(), kPoints, progress_, 0, make);
+    rows_ = table_of_rows(points(), weights_.bones(), kSmoothedPoints, progress_, 0, make);
   }
 
   WeightTable of_vertices() {
@@ -194,7 +194,7 @@ class Smoothing {
         rows.add_row(sum.take());
       }
     };
-    return table_of_rows(point_of_.size(), weights_.bones(), kPoints, progress_, kFinishSteps, make);
+    return table_of_rows(point_of_.size(), weights_.bones(), kSmoothedPoints, progress_, kFinishSteps, make);
   }
 
   const WeightTable& weights_;

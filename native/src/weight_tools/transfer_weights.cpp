@@ -21,7 +21,7 @@ namespace {
 /// angle of kTurned is taken whatever is near by.
 constexpr double kTight = 0.0125, kFarther = 2, kAround = 2, kTurned = 0.5;
 
-constexpr std::size_t kPoints = 128;  // in a task
+constexpr std::size_t kPart = 128;  // in a task
 
 /// Steps of the progress.
 constexpr std::int64_t kMatchSteps = 60, kInpaintSteps = 100, kIslandSteps = 20;
@@ -102,7 +102,7 @@ class Transfer {
     };
     std::vector<SurfacePoint> hits(target_.points.size());
     std::vector<double> cosines(hits.size(), -2);  // those of points without a hit
-    for_parts(hits.size(), kPoints, progress_, kMatchSteps, [&](std::size_t begin, std::size_t end, std::size_t) {
+    for_parts(hits.size(), kPart, progress_, kMatchSteps, [&](std::size_t begin, std::size_t end, std::size_t) {
       for (std::size_t p = begin; p < end; ++p) {
         hits[p] = source_.tree().closest(target_.points[p],
                                          within * within * (1 + 1e-9) + std::numeric_limits<double>::min());
@@ -110,7 +110,7 @@ class Transfer {
       }
     });
     add_tight(hits, kTight * (high - low).norm(), cosine_of, least_cosine, normals, cosines);
-    rows_ = table_of_rows(hits.size(), weights_.bones(), kPoints, progress_, 0, [&](auto begin, auto end, auto& rows) {
+    rows_ = table_of_rows(hits.size(), weights_.bones(), kPart, progress_, 0, [&](auto begin, auto end, auto& rows) {
       RowSum sum(bones_);
       for (std::size_t p = begin; p < end; ++p) {
         if (cosines[p] >= least_cosine) source_.read(hits[p], sum);
@@ -149,7 +149,7 @@ class Transfer {
         return cosine_of(doubled_area(source_.points(), source_.triangles()[t]), normals[p]) >= least_cosine;
       });
     };
-    for_parts(tight.size() - first, kPoints, progress_, 0, [&](std::size_t begin, std::size_t end, std::size_t) {
+    for_parts(tight.size() - first, kPart, progress_, 0, [&](std::size_t begin, std::size_t end, std::size_t) {
       std::vector<std::uint32_t> near;
       for (std::size_t i = first + begin; i < first + end; ++i) {
         if (cosines[tight[i]] >= kTurned || !has_other(tight[i], near)) cosines[tight[i]] = 1;
@@ -183,7 +183,7 @@ class Transfer {
             const auto nearest = [&](const WeightedSurface& surface) {
               SurfacePoint best;
               for (std::size_t k = 0; k < islands[i].size(); ++k) {
-                if (k % kPoints == 0) stop_if_cancelled(progress_);
+                if (k % kPart == 0) stop_if_cancelled(progress_);
                 const SurfacePoint hit = surface.tree().closest(target_.points[islands[i][k]], best.squared_distance);
                 if (hit.squared_distance < best.squared_distance) best = hit;
               }

@@ -13,7 +13,7 @@ constexpr int kMargin = 2;
 // The longest side of the mesh is not a whole number of voxels, so that a surface at a simple fraction of it is not in
 // between two.
 constexpr double kOdd = 0.382;
-constexpr std::uint32_t kFar = std::numeric_limits<std::uint32_t>::max();
+constexpr std::uint32_t kFarCell = std::numeric_limits<std::uint32_t>::max();
 
 }  // namespace
 
@@ -229,7 +229,7 @@ void VoxelSolid::connect(std::span<const std::uint32_t> seeds) {
 
   // From all reached cells through all others; the margin is never left, since nothing begins there.
   constexpr std::uint8_t kNoStep = 255;
-  std::vector<std::uint32_t> distance(grid_.cell_count(), kFar);
+  std::vector<std::uint32_t> distance(grid_.cell_count(), kFarCell);
   std::vector<std::uint8_t> back(grid_.cell_count(), kNoStep);
   std::vector<BucketQueue::Seed> from;
   for (const std::uint32_t cell : reached) {
