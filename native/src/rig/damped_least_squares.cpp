@@ -18,9 +18,6 @@ namespace {
 constexpr double kLargestTurn = std::numbers::pi / 4;
 constexpr double kSmallestSingularValue = 1e-10;
 
-/// Decompositions with more columns are left to Eigen; no usual rig has them.
-constexpr int kThinColumns = 12;
-
 /// Those of one location to reach, with up to this many degrees of freedom, have sizes that the compiler knows.
 constexpr int kUnrolledRows = 9;
 
@@ -112,9 +109,9 @@ void DampedLeastSquares::solve_thin() {
   for (int i = 0; i < dofs_; ++i) {
     for (int j = 0; j < rows_; ++j) (is_wide ? svd.a[j][i] : svd.a[i][j]) = jacobian_[i * rows_ + j];
   }
-  svd.decompose(is_wide ? dofs_ : rows_, eigen_5_);
+  svd.decompose(long_side(), short_side(), eigen_5_);
   begin_step();
-  for (int i = 0; i < C; ++i) {
+  for (int i = 0; i < short_side(); ++i) {
     add_damped(svd.w[i], is_wide ? svd.v[i] : svd.u[i], is_wide ? svd.u[i] : svd.v[i]);
   }
 }
@@ -146,33 +143,33 @@ void DampedLeastSquares::end_step() {
 
 void DampedLeastSquares::solve() {
   using Way = void (DampedLeastSquares::*)();
-  static constexpr auto kWays = []<std::size_t... I>(std::index_sequence<I...>) {
-    return std::array<Way, sizeof...(I)>{&DampedLeastSquares::solve_thin<I + 1>...};
-  }
-  (std::make_index_sequence<kThinColumns>{});
   static constexpr auto kWaysOfOneGoal = []<std::size_t... I>(std::index_sequence<I...>) {
     return std::array<Way, sizeof...(I)>{&DampedLeastSquares::solve_thin<3, I + 3>...};
   }
   (std::make_index_sequence<kUnrolledRows - 2>{});
   const int columns = short_side(), rows = long_side();
-  const bool is_thin = columns <= kThinColumns && rows <= kSvdRows;
+  const bool is_thin = columns <= kSvdColumns && rows <= kSvdRows;  // larger ones, which no usual rig has, are Eigen's
   const bool is_unrolled = columns == 3 && rows <= kUnrolledRows;
-  (this->*(is_unrolled ? kWaysOfOneGoal[rows - 3]
-           : is_thin   ? kWays[columns - 1]
-                       : &DampedLeastSquares::solve_with_eigen))();
+  (this->*(is_unrolled               ? kWaysOfOneGoal[rows - 3]
+           : is_thin && columns == 3 ? &DampedLeastSquares::solve_thin<3>
+           : is_thin && columns == 6 ? &DampedLeastSquares::solve_thin<6>  // of two goals, or one with a rotation
+           : is_thin                 ? &DampedLeastSquares::solve_thin<0>
+                                     : &DampedLeastSquares::solve_with_eigen))();
   end_step();
 }
 
-/// N  the long side. P  pairs of lanes; those without a system compute what the first one does.
+/// N  the long side, or 0 for any of up to kUnrolledRows. P  pairs of lanes; those without a system compute what the first
+///    one does.
 template <int N, int P>
 void DampedLeastSquares::solve_side_by_side(std::span<DampedLeastSquares* const> systems) {
   using Numbers = Lanes<P>;
   constexpr int kLanes = Numbers::kCount;
   const bool is_wide = systems[0]->rows_ < systems[0]->dofs_;
-  ThinSvd<3, N, Numbers> svd;
+  const int rows = N > 0 ? N : systems[0]->long_side();
+  ThinSvd<3, N, Numbers, (N > 0 ? N : kUnrolledRows)> svd;
   double lanes[kLanes];
   for (int j = 0; j < 3; ++j) {
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < rows; ++i) {
       for (std::size_t k = 0; k < kLanes; ++k) {
         const DampedLeastSquares& system = *systems[k < systems.size() ? k : 0];
         lanes[k] = system.jacobian_[is_wide ? i * system.rows_ + j : j * system.rows_ + i];
@@ -180,11 +177,11 @@ void DampedLeastSquares::solve_side_by_side(std::span<DampedLeastSquares* const>
       svd.a[j][i] = Numbers::read(lanes);
     }
   }
-  svd.decompose(N, systems[0]->eigen_5_);
-  double w[3][kLanes], u[kLanes][3][N], v[kLanes][3][3];
+  svd.decompose(rows, 3, systems[0]->eigen_5_);
+  double w[3][kLanes], u[kLanes][3][kUnrolledRows], v[kLanes][3][3];
   for (int j = 0; j < 3; ++j) {
     svd.w[j].write(w[j]);
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < rows; ++i) {
       svd.u[j][i].write(lanes);
       for (int k = 0; k < kLanes; ++k) u[k][j][i] = lanes[k];
     }
@@ -202,14 +199,13 @@ void DampedLeastSquares::solve_side_by_side(std::span<DampedLeastSquares* const>
   }
 }
 
+template <int N>
+void DampedLeastSquares::solve_up_to_four(std::span<DampedLeastSquares* const> systems) {
+  systems.size() > 2 ? solve_side_by_side<N, 2>(systems) : solve_side_by_side<N, 1>(systems);
+}
+
 void DampedLeastSquares::solve(std::span<DampedLeastSquares*> systems) {
   constexpr std::size_t kMost = 4;
-  using Way = void (*)(std::span<DampedLeastSquares* const>);
-  static constexpr auto kWays = []<std::size_t... I>(std::index_sequence<I...>) {
-    return std::array<std::array<Way, 2>, sizeof...(I)>{
-        {{&solve_side_by_side<I + 3, 1>, &solve_side_by_side<I + 3, 2>}...}};
-  }
-  (std::make_index_sequence<kUnrolledRows - 2>{});
   while (!systems.empty()) {
     const DampedLeastSquares& first = *systems[0];
     const int rows = first.long_side();
@@ -220,7 +216,10 @@ void DampedLeastSquares::solve(std::span<DampedLeastSquares*> systems) {
       if (is_like_first) std::swap(systems[count++], systems[i]);
     }
     if (count > 1 && first.short_side() == 3 && rows <= kUnrolledRows) {
-      kWays[rows - 3][count > 2 ? 1 : 0](systems.first(count));
+      const auto solve_them = rows == 6   ? &solve_up_to_four<6>  // of two bones
+                              : rows == 9 ? &solve_up_to_four<9>
+                                          : &solve_up_to_four<0>;
+      solve_them(systems.first(count));
     } else {
       for (std::size_t i = 0; i < count; ++i) systems[i]->solve();
     }

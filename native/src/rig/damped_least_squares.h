@@ -46,6 +46,8 @@ class DampedLeastSquares {
   void solve_thin();
   template <int N, int P>
   static void solve_side_by_side(std::span<DampedLeastSquares* const> systems);
+  template <int N>
+  static void solve_up_to_four(std::span<DampedLeastSquares* const> systems);
   void solve_with_eigen();
   void begin_step();
   void end_step();

@@ -12,32 +12,34 @@
 
 namespace sinew::rig {
 
-/// The most rows of a decomposed matrix.
-constexpr int kSvdRows = 128;
+/// The most rows and columns of a decomposed matrix.
+constexpr int kSvdRows = 128, kSvdColumns = 12;
 
-/// A = U W V^T of a matrix with C columns and at least as many rows: N, or if that is 0 any number. Matrices are column
-/// after column. R is a double, or Lanes to decompose several matrices at once: nearly all time is waiting for roots and
+/// A = U W V^T of a matrix with C columns and at least as many rows, N; of what is 0, any number. Matrices are column after
+/// column. R is a double, or Lanes to decompose several matrices at once: nearly all time is waiting for roots and
 /// quotients.
-template <int C, int N = 0, class R = double>
+template <int C, int N = 0, class R = double, int kRows = (N > 0 ? N : kSvdRows)>
 class ThinSvd {
  public:
-  static constexpr int kRows = N > 0 ? N : kSvdRows;
+  static constexpr int kColumns = C > 0 ? C : kSvdColumns;
 
-  R a[C][kRows];  ///< in; used up
-  R u[C][kRows];
-  R v[C][C];
-  R w[C];  ///< descending
+  R a[kColumns][kRows];  ///< in; used up
+  R u[kColumns][kRows];
+  R v[kColumns][kColumns];
+  R w[kColumns];  ///< descending
 
-  /// rows     N, or if that is 0 at most kSvdRows.
+  /// rows     N, or if that is 0 at most kRows.
+  /// columns  C, or if that is 0 at most kSvdColumns.
   /// eigen_5  whether products of two vectors are added up as from Eigen 5 on.
-  void decompose(int rows, bool eigen_5) {
-    count_ = rows;
+  void decompose(int rows, int columns, bool eigen_5) {
+    rows_ = rows;
+    columns_ = columns;
     eigen_5_ = eigen_5;
     const R scale = scaled_down();
-    if (n() > C) {
+    if (n() > c()) {
       triangularise();
     } else {
-      for (int j = 0; j < C; ++j) {
+      for (int j = 0; j < c(); ++j) {
         for (int i = 0; i < n(); ++i) {
           u[j][i] = v[j][i] = i == j;
           r_[j][i] = a[j][i];
@@ -45,7 +47,7 @@ class ThinSvd {
       }
     }
     diagonalise();
-    for (int j = 0; j < C; ++j) {
+    for (int j = 0; j < c(); ++j) {
       const auto is_negative = r_[j][j] < R(0);
       for (int i = 0; i < n(); ++i) u[j][i] = either(is_negative, -u[j][i], u[j][i]);
       w[j] = magnitude(r_[j][j]) * scale;
@@ -66,11 +68,11 @@ class ThinSvd {
   /// Divides by the largest element and returns it.
   R scaled_down() {
     R scale = 0;
-    for (int j = 0; j < C; ++j) {
+    for (int j = 0; j < c(); ++j) {
       for (int i = 0; i < n(); ++i) scale = larger(scale, magnitude(a[j][i]));
     }
     scale = either(scale == R(0), 1, scale);
-    for (int j = 0; j < C; ++j) {
+    for (int j = 0; j < c(); ++j) {
       for (int i = 0; i < n(); ++i) a[j][i] = a[j][i] / scale;
     }
     return scale;
@@ -84,14 +86,14 @@ class ThinSvd {
 
   /// Brings the largest of values[k] and what is behind it to the front. exchange(condition, other) exchanges the rest.
   template <class Exchange>
-  static void bring_largest(R* values, int k, const Exchange& exchange) {
+  void bring_largest(R* values, int k, const Exchange& exchange) const {
     R largest = values[k], place = k;
-    for (int j = k + 1; j < C; ++j) {
+    for (int j = k + 1; j < c(); ++j) {
       const auto is_larger = largest < values[j];
       largest = either(is_larger, values[j], largest);
       place = either(is_larger, j, place);
     }
-    for (int j = k + 1; j < C; ++j) {
+    for (int j = k + 1; j < c(); ++j) {
       const auto is_largest = place == R(j);
       if (!is_any(is_largest)) continue;
       exchange_if(is_largest, values[k], values[j]);
@@ -101,12 +103,12 @@ class ThinSvd {
 
   /// A P = U R by Householder's reflections, with columns exchanged so that the longest comes first.
   void triangularise() {
-    R norms[C], direct_norms[C], taus[C], scaled[C][kRows], order[C];
-    for (int j = 0; j < C; ++j) {
+    R norms[kColumns], direct_norms[kColumns], taus[kColumns], scaled[kColumns][kRows], order[kColumns];
+    for (int j = 0; j < c(); ++j) {
       norms[j] = direct_norms[j] = root(two_register_product(a[j], a[j], n()));
       order[j] = j;
     }
-    for (int k = 0; k < C; ++k) {
+    for (int k = 0; k < c(); ++k) {
       bring_largest(norms, k, [&](const Condition& condition, int other) {
         for (int i = 0; i < n(); ++i) exchange_if(condition, a[k][i], a[other][i]);
         exchange_if(condition, direct_norms[k], direct_norms[other]);
@@ -115,18 +117,18 @@ class ThinSvd {
       const int left = n() - k;
       taus[k] = make_reflection(a[k] + k, left);
       for (int i = 1; i < left; ++i) scaled[k][i - 1] = taus[k] * a[k][k + i];
-      for (int j = k + 1; j < C; ++j) {
-        reflect(a[j] + k, a[k] + k + 1, scaled[k], taus[k], left, k + 2 == C);
+      for (int j = k + 1; j < c(); ++j) {
+        reflect(a[j] + k, a[k] + k + 1, scaled[k], taus[k], left, k + 2 == c());
         update_norm(norms[j], direct_norms[j], a[j] + k, left);
       }
     }
-    for (int j = 0; j < C; ++j) {
+    for (int j = 0; j < c(); ++j) {
       for (int i = 0; i < n(); ++i) u[j][i] = i == j;
-      for (int i = 0; i < C; ++i) r_[j][i] = i <= j ? a[j][i] : R(0);
-      for (int i = 0; i < C; ++i) v[j][i] = either(order[j] == R(i), 1, 0);
+      for (int i = 0; i < c(); ++i) r_[j][i] = i <= j ? a[j][i] : R(0);
+      for (int i = 0; i < c(); ++i) v[j][i] = either(order[j] == R(i), 1, 0);
     }
-    for (int k = C - 1; k >= 0; --k) {
-      for (int j = k; j < C; ++j) reflect(u[j] + k, a[k] + k + 1, scaled[k], taus[k], n() - k, C == 1);
+    for (int k = c() - 1; k >= 0; --k) {
+      for (int j = k; j < c(); ++j) reflect(u[j] + k, a[k] + k + 1, scaled[k], taus[k], n() - k, c() == 1);
     }
   }
 
@@ -196,10 +198,10 @@ class ThinSvd {
   /// Jacobi's rotations from both sides, until what is beside the diagonal is lost in rounding.
   void diagonalise() {
     R largest = 0;
-    for (int j = 0; j < C; ++j) largest = larger(largest, magnitude(r_[j][j]));
+    for (int j = 0; j < c(); ++j) largest = larger(largest, magnitude(r_[j][j]));
     for (bool is_finished = false; !is_finished;) {
       is_finished = true;
-      for (int p = 1; p < C; ++p) {
+      for (int p = 1; p < c(); ++p) {
         for (int q = 0; q < p; ++q) {
           const R threshold = larger(R(kSmallest), R(2 * kEpsilon) * largest);
           const auto is_wanted = is_either(threshold < magnitude(r_[q][p]), threshold < magnitude(r_[p][q]));
@@ -234,32 +236,33 @@ class ThinSvd {
                          either(is_diagonal, 0, -sign * (y / magnitude(y)) * magnitude(g) * cosine)};
     const Rotation left{first.cosine * right.cosine + first.sine * right.sine,
                         first.sine * right.cosine - first.cosine * right.sine};
-    for (auto& column : r_) {
-      const R up = column[p], down = column[q];
-      column[p] = either(where, left.cosine * up + left.sine * down, up);
-      column[q] = either(where, -left.sine * up + left.cosine * down, down);
+    for (int j = 0; j < c(); ++j) {
+      const R up = r_[j][p], down = r_[j][q];
+      r_[j][p] = either(where, left.cosine * up + left.sine * down, up);
+      r_[j][q] = either(where, -left.sine * up + left.cosine * down, down);
     }
     turn(u[p], u[q], n(), left, where);
-    turn(r_[p], r_[q], C, {right.cosine, -right.sine}, where);
-    turn(v[p], v[q], C, {right.cosine, -right.sine}, where);
+    turn(r_[p], r_[q], c(), {right.cosine, -right.sine}, where);
+    turn(v[p], v[q], c(), {right.cosine, -right.sine}, where);
   }
 
   void sort() {
-    for (int k = 0; k < C; ++k) {
+    for (int k = 0; k < c(); ++k) {
       bring_largest(w, k, [&](const Condition& condition, int other) {
         for (int i = 0; i < n(); ++i) exchange_if(condition, u[k][i], u[other][i]);
-        for (int i = 0; i < C; ++i) exchange_if(condition, v[k][i], v[other][i]);
+        for (int i = 0; i < c(); ++i) exchange_if(condition, v[k][i], v[other][i]);
       });
     }
   }
 
   static constexpr double kRootOfEpsilon = 0x1p-26;  // of kEpsilon
 
-  int n() const { return N > 0 ? N : count_; }
+  int n() const { return N > 0 ? N : rows_; }
+  int c() const { return C > 0 ? C : columns_; }
 
-  int count_ = 0;
+  int rows_ = 0, columns_ = 0;
   bool eigen_5_ = true;
-  R r_[C][C] = {};
+  R r_[kColumns][kColumns] = {};
 };
 
 }  // namespace sinew::rig
