@@ -56,11 +56,12 @@ configure_and_build() {
   configure "$@" && cmake --build "$1" --parallel "$(nproc)" --target "${TARGET:-all}"
 }
 
-# [CMake options]; TARGET: what to build if not everything
+# [CMake options]; TARGET: what to build if not everything; ROOTS: the root folders whose Pythons get a module too, if not
+# all that are set up
 build() {
   say "building"
   local roots
-  roots=$(.ci/blender roots | paste -sd ';') # their Pythons get a module too
+  roots=${ROOTS-$(.ci/blender roots | paste -sd ';')}
   configure_and_build "$BUILD" -DSINEW_PYTHON_ROOTS="$roots" "$@"
 }
 
@@ -80,15 +81,15 @@ make_zips() {
   ZIP=$(head -1 <<<"$made")
 }
 
-# [SYSTEM...]: sets MODULES to the files, also those for the Pythons of the Blenders that are set up.
+# [SYSTEM...]: sets MODULES to the files, also those for the Pythons of ROOTS.
 build_modules() {
   local system
   TARGET=modules build
-  MODULES=("$BUILD"/python/sinew_native.*.so)
+  mapfile -t MODULES <"$BUILD/modules.txt"
   for system in "$@"; do
     say "building modules for $system"
     TARGET=modules build_for "$system"
-    MODULES+=("$BUILD/$system"/python/sinew_native.*.[sp][oy]*)
+    mapfile -t -O ${#MODULES[@]} MODULES <"$BUILD/$system/modules.txt"
   done
 }
 

@@ -18,9 +18,24 @@ set(PYBIND11_NOPYTHON ON)  # only its headers, which are the same for all
 find_package(pybind11 3.1 REQUIRED)
 
 add_custom_target(modules)  # all of them
+file(GENERATE OUTPUT ${CMAKE_BINARY_DIR}/modules.txt
+  CONTENT "$<JOIN:$<TARGET_GENEX_EVAL:modules,$<TARGET_PROPERTY:modules,FILES>>,\n>\n")
 
+# Two sources are compiled: what is called each frame, and what copies arguments. Optimising the latter, which is much
+# more, would take as long again; it comes second, so that the linker keeps pybind11's own functions from the former.
 function(add_python_module target soabi)  # ARGN: folders with Python's headers
   add_library(${target} MODULE
+    bindings/host/bind_described.cpp
+    bindings/host/bind_frame_shape.cpp
+    bindings/host/bind_host.cpp
+    bindings/host/bind_pose_record.cpp
+    bindings/host/bind_shortcut.cpp
+    bindings/host/bind_stored_curves.cpp
+    bindings/host/bind_struct_values.cpp
+    bindings/host/frame_shape.cpp
+    bindings/host/watched.cpp)
+  set(copying ${target}_copying)
+  add_library(${copying} OBJECT
     bindings/bind_automatic_weights.cpp
     bindings/bind_cages.cpp
     bindings/bind_decompose.cpp
@@ -35,20 +50,18 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/bind_stencils.cpp
     bindings/bind_weight_tools.cpp
     bindings/explain_arguments.cpp
-    bindings/host/bind_frame_shape.cpp
-    bindings/host/bind_host.cpp
-    bindings/host/bind_pose_record.cpp
-    bindings/host/bind_described.cpp
-    bindings/host/bind_struct_values.cpp
-    bindings/host/bind_stored_curves.cpp
-    bindings/host/bind_shortcut.cpp
-    bindings/host/frame_shape.cpp
-    bindings/host/watched.cpp
     bindings/module.cpp
     bindings/rig_description_of.cpp)
-  target_include_directories(${target} PRIVATE bindings)
-  target_include_directories(${target} SYSTEM PRIVATE ${ARGN} ${pybind11_INCLUDE_DIRS})
-  target_link_libraries(${target} PRIVATE sinew)
+  target_link_libraries(${target} PRIVATE ${copying})
+  target_compile_options(${copying} PRIVATE $<$<AND:$<CONFIG:Release>,$<NOT:$<CXX_COMPILER_ID:MSVC>>>:-O1>)
+  foreach(part ${target} ${copying})
+    target_include_directories(${part} PRIVATE bindings)
+    target_include_directories(${part} SYSTEM PRIVATE ${ARGN} ${pybind11_INCLUDE_DIRS})
+    target_link_libraries(${part} PRIVATE sinew)
+    target_compile_definitions(${part} PRIVATE SINEW_VERSION="${PROJECT_VERSION}")
+    # Compiled as one source, since most of the time goes into pybind11's templates, which all files share.
+    set_target_properties(${part} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 0)
+  endforeach()
   if(UNIX AND NOT APPLE)
     # The symbols of a static TBB or Highway must be neither visible outside nor taken from another add-on.
     set(exports ${CMAKE_CURRENT_SOURCE_DIR}/bindings/exports.map)
@@ -62,16 +75,14 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     # It needs no DLL of the compiler, and holds no time, so that the same source gives the same file.
     target_link_options(${target} PRIVATE -static -Wl,--no-insert-timestamp $<$<CONFIG:Release>:-s>)
   endif()
-  target_compile_definitions(${target} PRIVATE SINEW_VERSION="${PROJECT_VERSION}")
   set(extension .so)
   if(WIN32)
     set(extension .pyd)
   endif()
-  # Compiled as one source, since most of the time goes into pybind11's templates, which all files share.
-  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 0
-    PREFIX "" OUTPUT_NAME sinew_native SUFFIX .${soabi}${extension}
+  set_target_properties(${target} PROPERTIES PREFIX "" OUTPUT_NAME sinew_native SUFFIX .${soabi}${extension}
     LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/python)
   add_dependencies(modules ${target})
+  set_property(TARGET modules APPEND PROPERTY FILES $<TARGET_FILE:${target}>)
 endfunction()
 
 foreach(entry IN LISTS SINEW_CROSS_PYTHONS)
