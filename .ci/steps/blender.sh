@@ -10,14 +10,26 @@ isolated() {
   HOME=$PROFILE BLENDER_USER_RESOURCES=$PROFILE "$@"
 }
 
-# Lets the later steps use that version.
+# Lets the later steps use that version, and a module for its Python.
 use_blender() {
   BLENDER=$(.ci/blender "$1")
+  ROOTS=$(.ci/blender root "$1")
 }
 
 install_zip() {
-  [ "$BLENDER" != blender ] || install_packages blender
+  local installing=''
+  if [ "$BLENDER" = blender ]; then
+    ROOTS='' # its Python is this machine's
+    # What compiling needs first, for apt does one thing at a time; Blender meanwhile.
+    install_packages "${PACKAGES[@]}" dpkg-dev python3-markdown python3-pip
+    install_packages blender &
+    installing=$!
+  fi
   package
+  [ -z "$installing" ] || wait "$installing" || {
+    echo "Blender could not be installed: look for what apt says above" >&2
+    exit 1
+  }
   say "installing the zip in a fresh profile"
   install_in_profile
 }
