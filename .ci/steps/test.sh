@@ -221,7 +221,7 @@ pytest_in_blender() {
 # [--blender VERSION] WHAT...: these tests alone, with what is built brought up to date. WHAT is a file of tests/blender or
 # tests/python and further arguments of pytest, or the name of native tests, as ctest takes it.
 try_tests() {
-  local version=own
+  local version=own ROOTS=''
   if [ "${1:-}" = --blender ]; then
     version=${2:?--blender wants a version}
     use_blender "$version"
