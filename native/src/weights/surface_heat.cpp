@@ -18,7 +18,7 @@ Lists<BoneWeight> heat_on_surface(std::span<const Eigen::Vector3d> points, std::
                                   std::span<const std::uint8_t> has_heat, const HeatSources& sources,
                                   const FixedPlaces& fixed, const HeatSettings& settings, Progress* progress,
                                   std::int64_t steps) {
-  using Matrix = Eigen::SparseMatrix<double>;
+  using SurfaceMatrix = Eigen::SparseMatrix<double>;
   std::vector<std::int32_t> unknown_of(points.size(), -1);
   std::vector<std::uint32_t> unknowns;
   for (std::uint32_t p = 0; p < points.size(); ++p) {
@@ -51,7 +51,7 @@ Lists<BoneWeight> heat_on_surface(std::span<const Eigen::Vector3d> points, std::
     heat[u] = std::max(areas[p], kLeastArea) * settings.stiffness / (distance * distance);
     numbers.emplace_back(u, u, diagonal[p] + heat[u]);
   }
-  Matrix matrix(count, count);
+  SurfaceMatrix matrix(count, count);
   matrix.setFromTriplets(numbers.begin(), numbers.end());
   set_free(numbers);
   stop_if_cancelled(progress);
