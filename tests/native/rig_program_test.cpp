@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -619,7 +620,7 @@ TEST(RigProgram, StopsAtADriverWithoutAValue) {
 
 /// Whether memory where the stack was before is left alone while a program is evaluated.
 [[gnu::noinline]] bool leaves_the_stack_alone(const RigProgram& program) {
-  volatile std::array<unsigned char, 1 << 14> kept = {};
+  std::array<volatile unsigned char, 1 << 14> kept{};
   poses_of(program, 5);
   return std::ranges::all_of(kept, [](unsigned char each) { return each == 0; });
 }
