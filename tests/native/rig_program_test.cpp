@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -610,31 +609,6 @@ TEST(RigProgram, StopsAtADriverWithoutAValue) {
       "the driver of pose.bones[\"tip\"].location[0] divides by 0 or has no value on frame 3; Blender switches such "
       "a driver off. Change its expression");
 }
-
-#if defined(__GNUC__)
-/// A profile that ends by an error, whose memory on the stack is given back.
-[[gnu::noinline]] void stop_within_a_profile(const RigProgram& program) {
-  const std::array<float, 2> frames = {1, 3};
-  EXPECT_THROW(program.profile(frames, {}), InputError);
-}
-
-/// Whether memory where the stack was before is left alone while a program is evaluated.
-[[gnu::noinline]] bool leaves_the_stack_alone(const RigProgram& program) {
-  std::array<volatile unsigned char, 1 << 14> kept{};
-  poses_of(program, 5);
-  return std::ranges::all_of(kept, [](unsigned char each) { return each == 0; });
-}
-
-TEST(RigProgram, LeavesNoClockBehindWhenAProfileStops) {
-  RigDescription rig = two_bones();
-  rig.drivers.push_back(
-      driver(bone_path("tip", "location"), 0, {bone_path("root", "location[0]")}, "a + 1 / (frame - 3)"));
-  const RigProgram program(rig);
-  EXPECT_TRUE(leaves_the_stack_alone(program));
-  stop_within_a_profile(program);
-  EXPECT_TRUE(leaves_the_stack_alone(program));
-}
-#endif
 
 }  // namespace
 }  // namespace sinew
