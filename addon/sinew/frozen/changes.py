@@ -52,8 +52,7 @@ def look_at_actions(own: Iterable[rigs.Rig]) -> None:
             if evaluations.is_tagged(action):
                 noted.append(action)
                 rig.asks_for_keys |= action in rig.actions and evaluations.is_animation_tagged(action)
-                if rig.watch is not None:
-                    rig.has_edited_keys |= rig.watch.note_edited(action)
+                rig.has_edited_keys |= rig.watch is None or rig.watch.note_edited(action)
     for action in noted:
         evaluations.take_tags_off(action)
 
