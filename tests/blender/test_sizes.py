@@ -125,9 +125,9 @@ def test_each_of_many_leaders_is_asked_for_keyframes_once(fresh_scene):
 
 
 class Asked(set):
-    """A set that is not asked too often what is in it."""
+    """A set that is not asked for each frame whether it is in it."""
 
-    left = 300
+    left = 10_000
 
     def __contains__(self, each):
         self.left -= 1

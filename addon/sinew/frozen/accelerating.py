@@ -15,7 +15,7 @@ from . import comparing, elsewhere, freezing, playing, reasons, resting, rigs
 # counts for as much as a bone.
 LEAST_WORK = 60
 MOST_TO_SKIP = 64  # steps, before a rig that could not be computed is tried again
-_seen: Any = None  # after which evaluations, in which view layer and beside which idle rigs _found was found
+_seen: Any = None  # after which evaluations, in which view layer and for which rigs' states _found was found
 _found: list[Any] = []  # armature objects that may be accelerated
 
 
@@ -114,7 +114,8 @@ def _found_by(number: int, layer: Any) -> list[Any]:
     """Returns the armature objects that may be accelerated. number: of the evaluations until now; without another one,
     nothing was edited."""
     global _seen, _found
-    now = number, layer.as_pointer(), frozenset(rig.key for rig in rigs.idle())
+    states = frozenset((rig.key, rig.is_idle) for rig in rigs.known() if rig.is_idle or rig.tries_to_skip)
+    now = number, layer.as_pointer(), states
     if now != _seen:
         _seen, _found = now, _armatures(layer)
     return [ob for ob in _found if rigs.is_alive(ob)]

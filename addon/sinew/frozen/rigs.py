@@ -465,8 +465,9 @@ def moves(ob: Any) -> bool:
 
 def moving(armatures: Sequence[Any]) -> list[Any]:
     """Returns those of these armature objects that have keyframes, or follow what has."""
-    found = dependencies.reaching(armatures, dependencies.leaders_of, has_animation)
-    found |= {ob for ob in armatures if (rig := get(ob)) is not None and rig.is_idle}
+    found = {ob for ob in armatures if has_animation(ob) or (rig := get(ob)) is not None and rig.is_idle}
+    others = [ob for ob in armatures if ob not in found]
+    found |= dependencies.reaching(others, dependencies.leaders_of, has_animation)
     return [ob for ob in armatures if ob in found or followers.moving(ob, dependencies.outside_of(ob))]
 
 
