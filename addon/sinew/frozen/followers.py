@@ -71,7 +71,7 @@ class NotFreezable(ValueError):
 
 def find(rigs: Iterable[Any], users: dict[Any, set[Any]], graph: Any) -> dict[Any, "Followers | NotFreezable"]:
     """Returns the followers of each original armature object in a graph, or the reason why they cannot all follow a
-    frozen one. users: as bpy.data.user_map returns them."""
+    frozen one. users: as dependencies.Users.now returns them."""
     found: dict[Any, Followers | NotFreezable] = {}
     outside_of = cache(dependencies.outside_of)
     for rig in rigs:
