@@ -20,15 +20,11 @@ _found: list[Any] = []  # armature objects that may be accelerated
 
 
 def accelerate(scene: Any, layer: Any) -> None:
-    """Accelerates all rigs that can be, if the scene asks for it: before many frames are played."""
+    """Accelerates all rigs that can be, if the scene asks for it: before many frames are played. Call it in the main
+    thread, outside an evaluation."""
+    layer.update()
     end_rests()
     _accelerate(scene, layer)
-
-
-def _accelerate(scene: Any, layer: Any) -> None:
-    number = playing.evaluation_count()
-    while scene.sinew_accelerates_rigs and step(scene, layer, number):
-        pass
 
 
 def accelerate_unasked(scene: Any, graph: Any) -> None:
@@ -36,6 +32,12 @@ def accelerate_unasked(scene: Any, graph: Any) -> None:
     have their own."""
     if not playing.is_busy() and graph == graph.view_layer.depsgraph:
         _accelerate(scene, graph.view_layer)
+
+
+def _accelerate(scene: Any, layer: Any) -> None:
+    number = playing.evaluation_count()
+    while scene.sinew_accelerates_rigs and _step(scene, layer, number):
+        pass
 
 
 def end_rests() -> None:
@@ -56,6 +58,12 @@ def step(scene: Any, layer: Any, number: int) -> bool:
     """Takes the next step, in the main thread, outside an evaluation, while the user does nothing. number: of the
     evaluations until now; a rig that could not be computed is tried again only if there were others since. Returns
     whether there may be another step."""
+    # As between the last step of a drag and the evaluation after it, when bones are not yet where their channels are.
+    layer.update()
+    return _step(scene, layer, number)
+
+
+def _step(scene: Any, layer: Any, number: int) -> bool:
     if not reading.CAN_READ or rigs.whole_frame(scene) is None:
         return False
     for rig in rigs.idle():

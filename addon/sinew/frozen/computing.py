@@ -37,7 +37,7 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     returns them."""
     frame = rigs.whole_frame(scene)
     is_live = not rig.is_frozen and rigs.evaluated_copy(rig, graph) is not None and rigs.moves(rig.ob)
-    if frame is None or not is_live or not can_be(rig) or rig.ob.mode == "EDIT" or _is_unevaluated(rig):
+    if frame is None or not is_live or not can_be(rig) or rig.ob.mode == "EDIT":
         return
     if rig.source.is_proven and rig.at(frame) is not None:
         return
@@ -59,13 +59,6 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
             or followers.unkeyed(rig.ob, scene)
         ):
             differences.note(rig, differences.Difference.between(rig, copy, frame))
-
-
-def _is_unevaluated(rig: rigs.Rig) -> bool:
-    """Whether an armature or its action was edited and Blender has yet to evaluate that, as between a drag's last step
-    and the evaluation after it: then the evaluated bones are not those of the originals."""
-    action = rig.ob.animation_data.action if rig.ob.animation_data is not None else None
-    return any(each is not None and evaluations.is_tagged(each) for each in (rig.ob, rig.ob.data, action))
 
 
 def unkeyed_path(rig: rigs.Rig, frame: float) -> str:

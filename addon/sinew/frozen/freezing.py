@@ -446,7 +446,8 @@ def _has_other_keys(ob: Any) -> bool:
 def freeze_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
     """Freezes what is wanted frozen, is not selected, and is recorded on this frame. If the scene asks for it, every
     character is wanted frozen and recorded while it plays. is_playing: freezes only what was thawed because another one
-    was."""
+    was. Call it in the main thread, outside an evaluation."""
+    layer.update()  # an edit that Blender has yet to evaluate would count as a difference
     settle(layer.depsgraph)
     if scene.sinew_freezes_others and not is_playing:
         for ob in layer.objects:

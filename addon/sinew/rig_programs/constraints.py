@@ -106,7 +106,7 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
     if kind == "IK":
         if constraint.target is None or constraint.target.type == "ARMATURE" and not constraint.subtarget:
             raise curves.Refused("IK without a target is not covered")
-        if constraint.target == found.ob and constraint.subtarget not in found.bones:
+        if constraint.target == found.ob and constraint.subtarget not in found.bones and constraint.is_valid:
             raise curves.Refused(f"the bone {constraint.subtarget} that it follows is not there: choose another one")
         row["targets"].append(found.of(constraint.pole_target, constraint.pole_subtarget))
     if CUSTOM in (settings["owner_space"], settings["target_space"]):
