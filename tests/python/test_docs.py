@@ -175,6 +175,8 @@ def test_the_changelog_begins_with_this_version():
 def test_contributors_are_sent_to_files_that_are_there():
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     named = re.findall(r"`([\w./-]+\.(?:py|pyi|h|cpp|toml|txt))`", page)
-    there = [path.as_posix() for folder in (".ci", "addon", "native", "tests", "docs") for path in (ROOT / folder).rglob("*")]
+    there = [
+        path.as_posix() for folder in (".ci", "addon", "native", "tests", "docs") for path in (ROOT / folder).rglob("*")
+    ]
     assert len(named) > 20
     assert [name for name in named if not any(path.endswith(f"/{name}") for path in there)] == []
