@@ -1,8 +1,8 @@
-"""Shows how long each step of the gate took, beside what it takes where budget.txt was written.
+"""Shows how long each step of the gate took, beside what it takes where budget was written.
 
     budget.py NAME <LINES
 
-LINES: of each step the seconds that passed, those of a processor, and its name. NAME is the column of budget.txt with
+LINES: of each step the seconds that passed, those of a processor, and its name. NAME is the column of budget with
 which they are compared, none if there is none. Machines differ, and what runs beside a step delays it. So processor
 time is compared, and with the middle of all steps: those that have grown by a quarter more are named.
 """
@@ -11,7 +11,7 @@ import statistics
 import sys
 from pathlib import Path
 
-BUDGET = Path(__file__).with_name("budget.txt")
+BUDGET = Path(__file__).with_name("budget")
 GROWN = 1.25
 LEAST = 10  # seconds; what is shorter says nothing
 
@@ -45,7 +45,7 @@ def main(name, lines):
         known = minutes(budget[step]) if step in budget else "     -" if budget else ""
         print(f"{minutes(float(passed))}  {minutes(float(used)):>9}  {known}  {step}")
     for step, times in grown({step: float(used) for _, used, step in rows}, budget):
-        print(f"GROWN: {step} takes {times:.2f} times what .ci/budget.txt says, other steps being as they are")
+        print(f"GROWN: {step} takes {times:.2f} times what .ci/budget says, other steps being as they are")
 
 
 if __name__ == "__main__":
