@@ -3,7 +3,7 @@
 # what nothing may run beside.
 
 # For the time that it takes, only a release runs all tests in all builds. Otherwise 5.2, the newest with a window, runs
-# all, of those that are `sampled` another part for each zip. The others run these,
+# all, of tests with many cases other ones for each zip (tests/blender/conftest.py). The others run these,
 WHAT_BUILDS_DIFFER_IN=(tests/blender/test_{accelerated_rigs,bake,cages,canvases,graphs,host,memory}.py
   tests/blender/test_{package,panel,render,safety,same_as_modifier,same_pass,shortcuts}.py)
 

@@ -22,12 +22,17 @@ def accelerating():
     return addon_module("frozen.accelerating")
 
 
-@pytest.fixture
-def cast(monkeypatch):
+def cast_of_small_rigs(monkeypatch):
+    """A cast whose first rig is worth computing."""
     monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
     cast = opened_cast(last=10)
     keep_live(cast)
     return cast
+
+
+@pytest.fixture
+def cast(monkeypatch):
+    return cast_of_small_rigs(monkeypatch)
 
 
 def keep_live(cast):

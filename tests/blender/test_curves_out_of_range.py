@@ -7,20 +7,16 @@ import bpy
 import pytest
 
 from helpers import addon_module, needs_rig_programs
-from test_accelerated_rigs import accelerate, accelerating, keep_live, wait
-from test_frozen import Cast, freezing, layer
+from test_accelerated_rigs import accelerate, cast_of_small_rigs, wait
+from test_frozen import freezing, layer
 from test_frozen_who import both
 
 pytestmark = needs_rig_programs
 
 
 @pytest.fixture
-def cast(fresh_scene, monkeypatch):
-    monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
-    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
-    cast = Cast(fresh_scene)
-    keep_live(cast)
-    return cast
+def cast(monkeypatch):
+    return cast_of_small_rigs(monkeypatch)
 
 
 def add_curve(block, path, index):

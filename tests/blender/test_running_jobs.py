@@ -5,19 +5,16 @@ import bpy
 import pytest
 
 from helpers import addon_module, needs_rig_programs, select
-from test_accelerated_rigs import accelerate, accelerating, keep_live, wait
-from test_frozen import Cast, freezing, layer, recorded
+from test_accelerated_rigs import accelerate, cast_of_small_rigs, wait
+from test_frozen import freezing, layer, recorded
 from test_frozen_who import both
 
 pytestmark = needs_rig_programs
 
 
 @pytest.fixture
-def cast(fresh_scene, monkeypatch):
-    monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
-    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
-    cast = Cast(fresh_scene)
-    keep_live(cast)
+def cast(monkeypatch):
+    cast = cast_of_small_rigs(monkeypatch)
     select(cast.frozen[0])
     return cast
 
