@@ -16,6 +16,7 @@ if(NOT SINEW_CROSS_PYTHONS)
 endif()
 set(PYBIND11_NOPYTHON ON)  # only its headers, which are the same for all
 find_package(pybind11 3.1 REQUIRED)
+set(SINEW_MODULE_OPTIONS "" CACHE STRING "More options for the compiler of the Python module alone")
 
 add_custom_target(modules)  # all of them
 file(GENERATE OUTPUT ${CMAKE_BINARY_DIR}/modules.txt
@@ -59,6 +60,7 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     target_include_directories(${part} SYSTEM PRIVATE ${ARGN} ${pybind11_INCLUDE_DIRS})
     target_link_libraries(${part} PRIVATE sinew)
     target_compile_definitions(${part} PRIVATE SINEW_VERSION="${PROJECT_VERSION}")
+    target_compile_options(${part} PRIVATE ${SINEW_MODULE_OPTIONS})
     # Compiled as one source, since most of the time goes into pybind11's templates, which all files share.
     set_target_properties(${part} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 0)
   endforeach()
