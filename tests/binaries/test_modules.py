@@ -133,7 +133,9 @@ def test_on_windows_rigs_call_the_mathematics_that_blender_calls(path):
     folder = path.parent.parent / "native/CMakeFiles/sinew_rounded.dir"
     if not folder.is_dir():
         pytest.skip(f"{path} is not where it was built")
-    objects = [lief.COFF.parse(str(each)) for each in sorted(folder.rglob("*.obj")) if re.search("src[_/]rig", str(each))]
+    objects = [
+        lief.COFF.parse(str(each)) for each in sorted(folder.rglob("*.obj")) if re.search("src[_/]rig", str(each))
+    ]
     symbols = [symbol for each in objects for symbol in each.symbols if symbol.is_external]
     needed = {each.name for each in symbols if each.is_undefined} - {each.name for each in symbols if each.section_idx}
     needed = {name for name in needed if not NO_MATHEMATICS.fullmatch(name)}

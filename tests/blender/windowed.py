@@ -179,8 +179,8 @@ def picture(name):
 
 
 def playing(seconds, frames=None):
-    """Plays the animation for so long, or until so many frames were shown, if that is sooner. Yields until
-    done; returns (frames shown a second, numbers of the frames)."""
+    """Plays the animation for so long and at least four frames, or until so many frames were shown, if that is sooner.
+    Yields until done; returns (frames shown a second, numbers of the frames)."""
     shown = []
 
     def look(scene, _graph):
@@ -188,15 +188,17 @@ def playing(seconds, frames=None):
 
     bpy.app.handlers.frame_change_post.append(look)
     with window():
+        if bpy.context.screen.is_animation_playing:  # then the operator would stop it
+            bpy.ops.screen.animation_cancel(restore_frame=False)
         bpy.ops.screen.animation_play()
     end = time.perf_counter() + seconds
-    while time.perf_counter() < end and (frames is None or len(shown) < frames):
+    while time.perf_counter() < (end if len(shown) > 3 else end + 30) and (frames is None or len(shown) < frames):
         yield 0.25
     with window():
         bpy.ops.screen.animation_cancel(restore_frame=False)
     bpy.app.handlers.frame_change_post.remove(look)
     times = np.array([moment for moment, _ in shown])
-    assert len(times) > 3, "nothing was played"
+    assert len(times) > 3, f"of {seconds + 30:.0f} seconds of playing {len(times)} frames were shown"
     return float(1 / np.median(np.diff(times))), [frame for _, frame in shown]
 
 

@@ -1,0 +1,625 @@
+"""All ordered pairs of what people and scripts do in a day, beside a rig that is computed: after each of the two edits,
+on the frames that follow, and when the rig is computed again, everything equals a twin with the same edits that Blender
+evaluates, to the bit."""
+
+import functools
+import tempfile
+from pathlib import Path
+
+import bpy
+import pytest
+
+import test_edited_animation as animation
+from helpers import addon_module, depsgraph, needs_rig_programs, select
+from test_accelerated_rigs import accelerate, keep_live, wait
+from test_edited_animation import HAS_SLOTS, NOW, NUMBERS, OTHER, Animated
+from test_frozen import layer, matrices_of
+from test_frozen_who import both
+
+pytestmark = needs_rig_programs
+ROLE = "role"  # a custom property by which objects are found again, whatever their names and Blender's memory
+PARTS = "armature", "bound", "twin", "prop"
+
+
+class Day:
+    """Two characters in a file: the first is computed, the second stays live. Each edit is made to both."""
+
+    def __init__(self):
+        bpy.ops.wm.read_homefile(filepath=saved())
+        self.take()
+        keep_live(self.cast)
+        self.handlers, self.posed = [], 0
+        for frame in (1, OTHER, NOW):
+            self.cast.scene.frame_set(frame)
+        accelerate(self.cast)
+        bpy.ops.ed.undo_push(message="computed")
+
+    def take(self):
+        """Finds the objects, in a file that was opened or after an undo."""
+        found = {ob[ROLE]: ob for ob in bpy.data.objects if ROLE in ob}
+        self.cast = Animated.__new__(Animated)
+        self.cast.scene = bpy.context.scene
+        self.cast.frozen, self.cast.live = (tuple(found[f"{who} {part}"] for part in PARTS) for who in ("one", "other"))
+        keep_live(self.cast)
+
+    @property
+    def scene(self):
+        return self.cast.scene
+
+    def characters(self):
+        return both(self.cast)
+
+    def armatures(self):
+        return [each[0] for each in both(self.cast)]
+
+    def pose(self):
+        """Poses a bone with keyframes, and a channel without."""
+        self.posed += 1
+        for armature in self.armatures():
+            bone_of(armature).location.x += self.posed
+            armature.pose.bones["bone2"].scale.y += 0.1
+
+    def update(self):
+        layer().update()
+        self.compare()
+
+    def frame(self, number):
+        self.scene.frame_set(number)
+        self.compare()
+
+    def compare(self):
+        for ours, theirs in zip(*both(self.cast)):
+            assert ours.visible_get() == theirs.visible_get()
+            if ours.visible_get():
+                self.compare_objects(ours, theirs)
+        ours, theirs = self.armatures()
+        assert (matrices_of(ours) == matrices_of(theirs)).all(), "the evaluated bones differ"
+        assert channels_of(ours) == channels_of(theirs), "the originals' channels differ"
+        ours, theirs = ([bone.matrix for bone in armature.pose.bones] for armature in self.armatures())
+        assert ours == theirs, "the originals' bones differ"
+
+    @staticmethod
+    def compare_objects(ours, theirs):
+        graph = depsgraph()
+        ours, theirs = ours.evaluated_get(graph), theirs.evaluated_get(graph)
+        assert ours.matrix_world == theirs.matrix_world, f"{ours[ROLE]} is elsewhere"
+        if ours.type == "MESH":
+            assert shape_of(ours) == shape_of(theirs), f"{ours[ROLE]} has another shape"
+
+    def end(self):
+        for handler in self.handlers:
+            for listed in (bpy.app.handlers.frame_change_post, bpy.app.handlers.frame_change_pre):
+                if handler in listed:
+                    listed.remove(handler)
+
+
+def channels_of(armature):
+    """What the originals have."""
+    bones = armature.pose.bones
+    found = [number for bone in bones for name in NUMBERS for number in getattr(bone, name)]
+    found += [constraint.influence for bone in bones for constraint in bone.constraints]
+    return found + [armature[name] for name in ("free", "level")]
+
+
+def shape_of(evaluated_ob):
+    mesh = evaluated_ob.data
+    numbers = bytearray(12 * len(mesh.vertices))
+    mesh.vertices.foreach_get("co", memoryview(numbers).cast("f"))
+    return bytes(numbers)
+
+
+@functools.cache
+def saved():
+    """Returns the path of a file with both characters."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 1, 10
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 1
+    scene.render.resolution_x = scene.render.resolution_y = 4
+    cast = Animated(scene)
+    for who, character in zip(("one", "other"), both(cast)):
+        goal = bpy.data.objects.new("Goal", None)
+        scene.collection.objects.link(goal)
+        goal.location = 1, 2, 3
+        followed = character[0].pose.bones["bone3"].constraints.new("COPY_LOCATION")
+        followed.target, followed.influence = goal, 0.3
+        for part, ob in zip(PARTS, character):
+            ob[ROLE] = f"{who} {part}"
+    path = str(Path(tempfile.mkdtemp()) / "day.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    return path
+
+
+@pytest.fixture
+def day(monkeypatch):
+    monkeypatch.setattr(addon_module("frozen.accelerating"), "LEAST_WORK", 0)
+    made = Day()
+    yield made
+    made.end()
+
+
+def bone_of(armature, name="bone1"):
+    bones = armature.pose.bones
+    return bones[name] if name in bones else bones["renamed"]
+
+
+# --- the edits ------------------------------------------------------------------------------------
+
+
+def to_each(edit):
+    """An edit of an armature object, made to both."""
+
+    @functools.wraps(edit)
+    def edit_both(day):
+        for armature in day.armatures():
+            edit(armature)
+
+    return edit_both
+
+
+@to_each
+def pose_a_bone(armature):
+    bone_of(armature).location.x += 0.3
+
+
+@to_each
+def pose_what_has_no_keys(armature):
+    armature.pose.bones["bone2"].bone.bbone_curveinx += 0.2
+    armature.pose.bones["bone4"].scale.z += 0.2
+
+
+@to_each
+def clear_the_pose(armature):
+    for bone in armature.pose.bones:
+        bone.matrix_basis.identity()
+
+
+@to_each
+def delete_a_key(armature):
+    if armature.animation_data and armature.animation_data.action:
+        bone_of(armature).keyframe_delete("location", frame=4)
+
+
+@to_each
+def turn_to_quaternions(armature):
+    mode = bone_of(armature).rotation_mode
+    bone_of(armature).rotation_mode = "XYZ" if mode == "QUATERNION" else "QUATERNION"
+
+
+@to_each
+def mute_a_curve(armature):
+    curve = animation.curve_of(armature)
+    curve.mute = not curve.mute
+
+
+@to_each
+def change_a_handle(armature):
+    animation.point_of(armature).handle_right_type = "VECTOR"
+    animation.curve_of(armature).update()
+
+
+@to_each
+def change_interpolation(armature):
+    point = animation.point_of(armature)
+    point.interpolation = "CONSTANT" if point.interpolation != "CONSTANT" else "LINEAR"
+
+
+@to_each
+def move_a_key_in_time(armature):
+    animation.point_of(armature).co.x += 0.5
+    animation.curve_of(armature).update()
+
+
+@to_each
+def add_cycles(armature):
+    animation.curve_of(armature).modifiers.new("CYCLES")
+    armature.animation_data.action.update_tag()  # which Blender does not do
+
+
+@to_each
+def mute_a_driver(armature):
+    driver = animation.driver_of(armature)
+    driver.mute = not driver.mute
+
+
+@to_each
+def change_an_expression(armature):
+    animation.driver_of(armature).driver.expression += " + 0.1"
+
+
+@to_each
+def weaken_a_constraint(armature):
+    armature.pose.bones["bone3"].constraints[0].influence *= 0.5
+
+
+@to_each
+def mute_a_constraint(armature):
+    constraint = armature.pose.bones["bone3"].constraints[0]
+    constraint.mute = not constraint.mute
+
+
+@to_each
+def add_a_constraint(armature):
+    constraint = armature.pose.bones["bone4"].constraints.new("COPY_ROTATION")
+    constraint.target, constraint.subtarget = armature, armature.pose.bones[0].name
+
+
+@to_each
+def remove_a_constraint(armature):
+    constraints = armature.pose.bones["bone3"].constraints
+    constraints.remove(constraints[-1])
+
+
+@to_each
+def change_a_target(armature):
+    constraint = armature.pose.bones["bone3"].constraints[0]
+    constraint.target, constraint.subtarget = armature, "side"
+
+
+@to_each
+def move_the_goal(armature):
+    armature.pose.bones["bone3"].constraints[0].target.location.x += 0.5
+
+
+@to_each
+def key_the_goal(armature):
+    goal = armature.pose.bones["bone3"].constraints[0].target
+    for frame in (2, 9):
+        goal.location.y += frame
+        goal.keyframe_insert("location", frame=frame)
+
+
+@to_each
+def remove_the_goal(armature):
+    goal = armature.pose.bones["bone3"].constraints[0].target
+    if goal is not armature:
+        bpy.data.objects.remove(goal)
+
+
+@to_each
+def another_action(armature):
+    action = bpy.data.actions.new("Another")
+    data = armature.animation_data
+    data.action = action
+    if HAS_SLOTS:
+        data.action_slot = action.slots.new("OBJECT", "Slot")
+    armature.pose.bones["bone0"].keyframe_insert("location", frame=1)
+
+
+@to_each
+def move_the_armature(armature):
+    armature.location.x += 1
+
+
+@to_each
+def key_the_armature(armature):
+    for frame in (1, 9):
+        armature.location.z = frame
+        armature.keyframe_insert("location", frame=frame)
+
+
+@to_each
+def rest_position(armature):
+    armature.data.pose_position = "REST" if armature.data.pose_position == "POSE" else "POSE"
+
+
+@to_each
+def move_a_bone_in_edit_mode(armature):
+    with in_edit_mode(armature):
+        armature.data.edit_bones["bone2"].tail.x += 0.3
+
+
+@to_each
+def add_a_bone(armature):
+    with in_edit_mode(armature):
+        bone = armature.data.edit_bones.new("extra")
+        bone.tail, bone.parent = (0, 0, 1), armature.data.edit_bones["bone4"]
+
+
+@to_each
+def remove_a_bone(armature):
+    with in_edit_mode(armature):
+        armature.data.edit_bones.remove(armature.data.edit_bones["side"])
+
+
+@to_each
+def parent_a_bone_elsewhere(armature):
+    with in_edit_mode(armature):
+        bones = armature.data.edit_bones
+        bones["bone4"].use_connect, bones["bone4"].parent = False, bones["bone0"]
+
+
+@to_each
+def inherit_no_scale(armature):
+    armature.data.bones["bone2"].inherit_scale = "NONE"
+
+
+@to_each
+def bend_a_bone(armature):
+    bone = bone_of(armature)
+    bone.bone.bbone_segments = 5
+    bone.bbone_rollout += 0.4
+
+
+@to_each
+def change_a_custom_handle(armature):
+    bone = bone_of(armature)
+    bone.bone.bbone_segments = 4
+    bone.bone.bbone_handle_type_start = bone.bone.bbone_handle_type_end = "ABSOLUTE"
+    bone.bone.bbone_custom_handle_end = armature.data.bones["side"]
+
+
+@to_each
+def hide_a_bone(armature):
+    armature.data.bones["bone3"].hide = True
+
+
+@to_each
+def own_armature_data(armature):
+    armature.data = armature.data.copy()
+
+
+@to_each
+def rename_the_rig(armature):
+    armature.name = "Renamed"
+
+
+def in_edit_mode(armature):
+    """A context."""
+    return _EditMode(armature)
+
+
+class _EditMode:
+    def __init__(self, armature):
+        self.hidden, self.armature = armature.hide_get(), armature
+
+    def __enter__(self):
+        self.armature.hide_set(False)
+        select(self.armature)
+        bpy.ops.object.mode_set(mode="EDIT")
+
+    def __exit__(self, *_):
+        bpy.ops.object.mode_set(mode="OBJECT")
+        self.armature.hide_set(self.hidden)
+        select()
+
+
+def duplicate_the_rig(day):
+    for armature in day.armatures():
+        copy = armature.copy()
+        del copy[ROLE]
+        day.scene.collection.objects.link(copy)
+
+
+def duplicate_as_a_user(day):
+    for character in day.characters():
+        hidden = [ob.hide_get() for ob in character]
+        select(*(ob for ob in character if ob.visible_get()))
+        bpy.ops.object.duplicate()
+        for ob in bpy.context.selected_objects:
+            del ob[ROLE]
+        assert [ob.hide_get() for ob in character] == hidden
+    select()
+
+
+def parent_the_rig(day):
+    for armature in day.armatures():
+        parent = bpy.data.objects.new("Parent", None)
+        day.scene.collection.objects.link(parent)
+        parent.location.y = 2
+        armature.parent = parent
+
+
+def hide_the_rig(day):
+    for armature in day.armatures():
+        armature.hide_set(not armature.hide_get())
+
+
+def hide_the_meshes(day):
+    for character in day.characters():
+        for ob in character[1:3]:
+            ob.hide_viewport = not ob.hide_viewport
+
+
+def mute_the_modifiers(day):
+    for character in day.characters():
+        for ob in character[1:3]:
+            for modifier in ob.modifiers:
+                modifier.show_viewport = not modifier.show_viewport
+
+
+def change_weights(day):
+    for character in day.characters():
+        for ob in character[1:3]:
+            ob.vertex_groups[0].add(list(range(300)), 0.7, "REPLACE")
+            ob.data.update()
+
+
+def unbind(day):
+    for character in day.characters():
+        if character[1].visible_get():
+            select(character[1])
+            if bpy.ops.object.sinew_unbind.poll():
+                bpy.ops.object.sinew_unbind()
+    select()
+
+
+def render(day):
+    if day.scene.camera is None:
+        day.scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+        day.scene.collection.objects.link(day.scene.camera)
+    bpy.ops.render.render()
+
+
+def play(day):
+    for frame in (1, 5, 10, 6):
+        day.scene.frame_set(frame)
+
+
+def link_something(day):
+    day.scene.collection.objects.link(bpy.data.objects.new("New", None))
+
+
+def change_the_range(day):
+    day.scene.frame_end += 5
+
+
+def change_the_tempo(day):
+    """Blender shows that when it next evaluates anything for another reason."""
+    day.scene.render.frame_map_new = 200 if day.scene.render.frame_map_new == 100 else 100
+    day.scene.frame_set(day.scene.frame_current)
+
+
+def handler_that_poses(day):
+    def handler(scene, _graph=None):
+        for armature in day.armatures():
+            bone_of(armature).location.y = scene.frame_current / 7
+
+    day.handlers.append(handler)
+    bpy.app.handlers.frame_change_post.append(handler)
+
+
+def handler_before_frames(day):
+    def handler(_scene, _graph=None):
+        for armature in day.armatures():
+            armature.pose.bones["bone4"].location.y = bone_of(armature).matrix[0][3]  # of the last frame
+
+    day.handlers.append(handler)
+    bpy.app.handlers.frame_change_pre.append(handler)
+
+
+def no_handlers(day):
+    day.end()
+
+
+def undo_a_pose(day):
+    bpy.ops.ed.undo_push(message="before")
+    day.pose()
+    layer().update()
+    bpy.ops.ed.undo_push(message="posed")
+    bpy.ops.ed.undo()
+    day.take()
+    layer().update()
+
+
+def undo_and_redo(day):
+    undo_a_pose(day)
+    bpy.ops.ed.redo()
+    day.take()
+    layer().update()
+
+
+def undo_the_last(day):
+    """Everything that was done."""
+    bpy.ops.ed.undo_push(message="done")
+    bpy.ops.ed.undo()
+    day.take()
+    layer().update()
+
+
+def save_and_open(day):
+    path = str(Path(saved()).with_name("again.blend"))
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    day.take()
+    layer().update()
+
+
+def save(day):
+    bpy.ops.wm.save_as_mainfile(filepath=str(Path(saved()).with_name("again.blend")), copy=True)
+
+
+OF_ANIMATION = [
+    *(animation.move_a_key, animation.move_all_keys, animation.insert_a_key, animation.remove_a_key),
+    *(animation.key_a_bone, animation.key_a_pose, animation.key_another_frame, animation.key_another_channel),
+    *(animation.remove_a_curve, animation.add_a_curve, animation.clear_animation),
+    *(animation.unassign_action, animation.copy_action, animation.tag_action, animation.rename_a_bone),
+    *(animation.remove_a_driver, animation.add_a_driver, animation.move_a_key_of_the_clip, animation.play_the_clip),
+    *(animation.push_down, animation.set_a_property, animation.set_a_property_without_a_tag),
+]
+EDITS = [
+    *map(to_each, OF_ANIMATION),
+    *(
+        delete_a_key,
+        pose_a_bone,
+        pose_what_has_no_keys,
+        clear_the_pose,
+        turn_to_quaternions,
+        mute_a_curve,
+        change_a_handle,
+    ),
+    *(change_interpolation, move_a_key_in_time, add_cycles, mute_a_driver, change_an_expression),
+    *(weaken_a_constraint, mute_a_constraint, add_a_constraint, remove_a_constraint, change_a_target, move_the_goal),
+    *(key_the_goal, remove_the_goal, another_action, move_the_armature, key_the_armature, rest_position),
+    *(move_a_bone_in_edit_mode, add_a_bone, remove_a_bone, parent_a_bone_elsewhere, inherit_no_scale, bend_a_bone),
+    *(
+        change_a_custom_handle,
+        hide_a_bone,
+        own_armature_data,
+        rename_the_rig,
+        duplicate_the_rig,
+        duplicate_as_a_user,
+        parent_the_rig,
+    ),
+    *(hide_the_rig, hide_the_meshes, mute_the_modifiers, change_weights, unbind, render, play, link_something),
+    *(change_the_range, change_the_tempo, handler_that_poses, handler_before_frames, no_handlers, undo_a_pose),
+    *(undo_and_redo, undo_the_last, save_and_open, save),
+]
+# Where the first edit has removed what the second one wants.
+GONE = AttributeError, IndexError, KeyError, StopIteration, TypeError
+
+
+# --- when the second one is made ------------------------------------------------------------------
+
+
+def in_the_same_update(_day):
+    pass
+
+
+def after_an_update(day):
+    day.update()
+
+
+def on_the_next_frame(day):
+    day.frame(NOW + 1)
+
+
+def on_another_frame(day):
+    day.update()
+    day.frame(OTHER)
+
+
+MOMENTS = [in_the_same_update, after_an_update, on_the_next_frame, on_another_frame]
+
+
+@pytest.mark.parametrize("edit", EDITS, ids=lambda edit: edit.__name__)
+def test_each_edit_can_be_made(day, edit):
+    assert day.cast.rig.is_frozen
+    edit(day)
+    day.update()
+    for frame in (OTHER, OTHER + 1):
+        day.frame(frame)
+
+
+@pytest.mark.sampled(80)
+@pytest.mark.parametrize("moment", MOMENTS, ids=lambda moment: moment.__name__)
+@pytest.mark.parametrize("second", EDITS, ids=lambda edit: edit.__name__)
+@pytest.mark.parametrize("first", EDITS, ids=lambda edit: edit.__name__)
+def test_two_edits(day, first, second, moment):
+    assert day.cast.rig.is_frozen
+    first(day)
+    moment(day)
+    try:
+        second(day)
+    except GONE:
+        pass  # of both characters, or the twins differ
+    day.update()
+    day.pose()
+    day.update()
+    for frame in (2, OTHER, OTHER + 1):
+        day.frame(frame)
+    wait(day.cast)
+    day.frame(5)
+    day.pose()
+    day.update()
