@@ -14,12 +14,17 @@ as_root() {
   if [ "$(id -u)" -eq 0 ]; then "$@"; else sudo "$@"; fi
 }
 
-# Packages that this machine's Debian has.
-install_here() {
-  dpkg -s "$@" >/dev/null 2>&1 ||
-    { as_root apt-get update &&
+# Packages that this machine's Debian has. Of several jobs that want some at a time one waits for the other.
+install_packages() {
+  ! dpkg -s "$@" >/dev/null 2>&1 || return 0
+  echo "installing $*" >&2
+  mkdir -p "$CACHE"
+  (
+    flock 9
+    as_root apt-get update -qq &&
       as_root env DEBIAN_FRONTEND=noninteractive \
-        apt-get install -y --no-install-recommends -o DPkg::Lock::Timeout=600 "$@"; }
+        apt-get install -y -qq --no-install-recommends --no-upgrade -o DPkg::Lock::Timeout=600 "$@" >/dev/null
+  ) 9>"$CACHE/apt.lock"
 }
 
 # deb|deb-src: Debian's archives as this machine's apt knows them, for a sources.list.

@@ -4,20 +4,6 @@
 # With the time since the start.
 say() { printf '\n== %d:%02d %s\n' $((SECONDS / 60)) $((SECONDS % 60)) "$*"; }
 
-# Of several jobs that want some at a time one waits for the other.
-install_packages() {
-  ! dpkg -s "$@" >/dev/null 2>&1 || return 0
-  say "installing $*"
-  local as_root=()
-  [ "$(id -u)" -eq 0 ] || as_root=(sudo)
-  (
-    flock 9
-    "${as_root[@]}" apt-get update -qq &&
-      "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
-        apt-get install -y -qq --no-install-recommends --no-upgrade "$@" >/dev/null
-  ) 9<dev
-}
-
 # The systems besides this one for which there are modules, named as in .ci/toolchains and .ci/pythons.
 SYSTEMS=(windows aarch64 macos-arm64 macos-x64)
 

@@ -44,7 +44,7 @@ sanitize_address() {
   local folder=$BUILD/sanitize-address runtime='' library options
   if [ $# -gt 0 ]; then
     TARGET=sinew_tests build
-    options=("$ONE_INSTRUCTION_SET" -DSINEW_COMPILED_TESTS="$BUILD/tests/native/CMakeFiles/sinew_tests.dir"
+    options=("$ONE_INSTRUCTION_SET" -DSINEW_COMPILED_TESTS="$BUILD/tests/native/objects.txt"
       -DSINEW_MODULE_OPTIONS="-O0;-fno-sanitize=undefined")
   else
     set -- tests/python

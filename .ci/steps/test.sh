@@ -32,13 +32,19 @@ run_tests() {
   trap 'kill 0' INT # which a command in the background does not hear
   if [ "${1:-}" = --blender ]; then
     kind=${2:?--blender wants a version, or all}
+    shift 2
+    case $kind in
+      all | windows-*) systems=(windows) ;;
+      release) systems=("${SYSTEMS[@]}") ;;
+    esac
     if [[ "$kind" =~ ^(all|release)$ ]]; then # unpacking them leaves a core to what needs none of their Pythons
       start "Debian releases" set_up_releases
       TARGET=sinew_tests build
-      await_all
+      await_all # each one's Python gets a module
+      start "Blenders" blenders_of "$kind"
+    else
+      set_up_blenders "$kind"
     fi
-    set_up_blenders "$kind" # before the modules, of which each one's Python gets one
-    shift 2
   else
     [ "$BLENDER" != blender ] || install_packages blender
   fi
@@ -48,6 +54,8 @@ run_tests() {
   build
   package_and_wheel "${systems[@]}"
   ended "building" "$since" true
+  await_all
+  [[ ! "$kind" =~ ^(all|release)$ ]] || set_up_blenders "$kind"
   start "lint" check_format_and_types
   start "native tests" ctest --test-dir "$BUILD" --output-on-failure
   [ "$kind" != release ] || in_memory=()
@@ -172,15 +180,27 @@ set_up_releases() {
   done
 }
 
-# VERSION|all|release: fills in versions, their commands in blenders, missing, which could not be set up, and systems,
-# for which there must be modules.
-set_up_blenders() {
-  local version command wanted=("$1")
+# all|release: sets up what can be, before it is asked for.
+blenders_of() {
+  local version
+  for version in $(versions_of "$1"); do
+    .ci/blender "$version" || true
+  done
+}
+
+# VERSION|all|release: prints the versions.
+versions_of() {
   case $1 in
-    all) mapfile -t wanted < <(.ci/blender versions) && systems=(windows) ;;
-    release) mapfile -t wanted < <(.ci/blender releases) && systems=("${SYSTEMS[@]}") ;;
-    windows-*) systems=(windows) ;;
+    all) .ci/blender versions ;;
+    release) .ci/blender releases ;;
+    *) echo "$1" ;;
   esac
+}
+
+# VERSION|all|release: fills in versions, their commands in blenders, and missing, which could not be set up.
+set_up_blenders() {
+  local version command wanted
+  mapfile -t wanted < <(versions_of "$1")
   versions=()
   for version in "${wanted[@]}"; do
     if command=$(.ci/blender "$version"); then
