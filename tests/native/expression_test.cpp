@@ -11,15 +11,15 @@ namespace sinew::rig {
 namespace {
 
 const std::string kNames[] = {"a", "b", "var_2"};
-constexpr float kValues[] = {3, -2, 0};
+constexpr float kInputs[] = {3, -2, 0};
 
 double value(std::string_view text) {
-  const Expression::Result result = Expression(text, kNames).value(kValues, 24.5);
+  const Expression::Result result = Expression(text, kNames).value(kInputs, 24.5);
   EXPECT_FALSE(result.is_undefined) << text;
   return result.number;
 }
 
-bool is_undefined(std::string_view text) { return Expression(text, kNames).value(kValues, 24.5).is_undefined; }
+bool is_undefined(std::string_view text) { return Expression(text, kNames).value(kInputs, 24.5).is_undefined; }
 
 std::string refusal(std::string_view text) {
   return complaint([&] { Expression(text, kNames); });
@@ -89,7 +89,7 @@ TEST(Expression, ComputesAsPythonDoes) {
 
 TEST(Expression, TheLastOfSeveralNamesCounts) {
   const std::string names[] = {"frame", "pi", "pi"};
-  EXPECT_EQ(Expression("frame * 10 + pi", names).value(kValues, 24.5).number, 30);
+  EXPECT_EQ(Expression("frame * 10 + pi", names).value(kInputs, 24.5).number, 30);
 }
 
 TEST(Expression, SaysWhereBlenderSwitchesTheDriverOff) {
@@ -123,6 +123,8 @@ TEST(Expression, RefusesWhatIsNotSimple) {
   EXPECT_EQ(refusal("sin(a, b)"), simple("sin(a, b)", "\"sin\" cannot have 2 arguments"));
   EXPECT_EQ(refusal("1e"), simple("1e", "\"1e\" is not expected at character 1"));
   EXPECT_EQ(refusal("1e999"), simple("1e999", "the number 1e999 is too large or too small"));
+  EXPECT_EQ(refusal("1e-999"), simple("1e-999", "the number 1e-999 is too large or too small"));
+  EXPECT_EQ(refusal("0e-999"), "");
   const std::string deep = std::string(1000, '(') + "a" + std::string(1000, ')');
   EXPECT_EQ(refusal(deep), simple(deep, "it is nested too deeply"));
   std::string wide = "a";

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -10,6 +9,7 @@
 #include <utility>
 
 #include "base/check.h"
+#include "base/text.h"
 #include "rig/expression_functions.h"
 
 namespace sinew::rig {
@@ -198,9 +198,9 @@ class Parser {
 
   double number() const {
     double value = 0;
-    const auto [end, error] = std::from_chars(token_.data(), token_.data() + token_.size(), value);
-    if (error == std::errc::result_out_of_range) complain("the number ", token_, " is too large or too small");
-    if (error != std::errc{} || end != token_.data() + token_.size()) refuse();
+    if (!parse_real(token_, value)) refuse();
+    const bool is_zero = token_.substr(0, token_.find_first_of("eE")).find_first_of("123456789") == token_.npos;
+    if (std::isinf(value) || (value == 0 && !is_zero)) complain("the number ", token_, " is too large or too small");
     return value;
   }
 
