@@ -120,19 +120,6 @@ const How kHows[] = {{SkinningMethod::linear, Stretch::polar, false},
                      {SkinningMethod::blended, Stretch::frame, true},
                      {SkinningMethod::rotation_centers, Stretch::polar, false}};
 
-Matrix4<double> similarity() {
-  Matrix4<double> matrix = rigs::turn(40, {1, 2, 3}, {0.3, -0.2, 0.1});
-  matrix.topLeftCorner<3, 3>() *= 1.25;
-  return matrix;
-}
-
-Matrix4<double> sheared() {
-  Matrix4<double> matrix = similarity();
-  matrix.col(1) *= 1.4;
-  matrix(0, 1) += 0.2;
-  return matrix;
-}
-
 /// One layer, made and posed.
 struct Character {
   How how;
@@ -194,7 +181,7 @@ TEST_P(BendsOnEachInstructionSet, FollowOtherRestPositionsInEverySpace) {
     const Rig rig(random, count);
     for (const How& how : kHows) {
       const Character character{how, Motion(random, how.scaled), {}};
-      for (const Space& space : {Space{}, Space(similarity()), Space(sheared())}) {
+      for (const Space& space : {Space{}, Space(rigs::similarity()), Space(rigs::sheared())}) {
         const Floats points = random_points(random, rig.rest.size());
         const auto own = character.layer(rig.split_at(rig.rest, space), rig.bends(), space);
         const auto other = character.layer(rig.split_at(points, space));
@@ -212,7 +199,7 @@ TEST_P(BendsOnEachInstructionSet, FollowAnotherSpace) {
   for (const How& how : kHows) {
     const Character character{how, Motion(random, how.scaled), {}};
     const auto layer = character.layer(rig.split_at(rig.rest, {}), rig.bends());
-    for (const Space& space : {Space(similarity()), Space(sheared())}) {
+    for (const Space& space : {Space(rigs::similarity()), Space(rigs::sheared())}) {
       const auto other = character.layer(rig.split_at(rig.rest, space));
       EXPECT_LT(distance(character.deformed(layer, space), character.deformed(other, space)), 1e-6 * kSize);
       // And back to none.
@@ -230,7 +217,7 @@ TEST_P(BendsOnEachInstructionSet, FollowShapeKeysAndLeaveTheRestToTheBit) {
   for (const How& how : kHows) {
     Character character{how, Motion(random, how.scaled), {}};
     for (float& number : character.mask = random_points(random, 9001)) number = std::abs(number);
-    for (const Space& space : {Space{}, Space(similarity()), Space(sheared())}) {
+    for (const Space& space : {Space{}, Space(rigs::similarity()), Space(rigs::sheared())}) {
       Floats points(rig.rest.size());
       Deformer({}, keys).deform({}, points, values);
       const auto skin = rig.split_at(rig.rest, space);
@@ -284,7 +271,7 @@ TEST(Bends, AnyNumberOfThreadsGivesTheSameBits) {
   for (const How& how : kHows) {
     const Character character{how, Motion(random, how.scaled), {}};
     const auto layer = character.layer(rig.split_at(rig.rest, {}), rig.bends());
-    for (const Space& space : {Space{}, Space(sheared())}) {
+    for (const Space& space : {Space{}, Space(rigs::sheared())}) {
       set_thread_count(1);
       const Floats one = character.deformed(layer, space, keys, {0, 1});
       for (const int threads : {2, 3, 8}) {

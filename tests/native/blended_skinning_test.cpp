@@ -15,8 +15,6 @@ using Floats = std::vector<float>;
 using rigs::Matrices;
 using rigs::skinned;
 
-constexpr double kDiagonal = 2 * std::numbers::sqrt3;  // of the box that the rigs' skins fill
-
 /// Joints that keep near each other, but for every `wild`th, which no sign brings near the others, and
 /// every `scaled`th, which is larger than the others. 0: none is.
 Matrices pose_of(rigs::Random& random, std::int32_t joints, int wild, int scaled) {
@@ -84,7 +82,7 @@ TEST_P(Blended, EqualsTheReference) {
   const Eigen::MatrixX3d linear = reference::skin_linear(skin, pose);
   Eigen::MatrixX3d expected = reference::skin_dual_quaternion(skin, pose);
   for (int v = 0; v < 3000; ++v) expected.row(v) = (1 - shares[v]) * linear.row(v) + shares[v] * expected.row(v);
-  EXPECT_LT(rigs::distance(skinned(rigs::skin_mixed, skin, pose), expected), 4e-7 * kDiagonal);
+  EXPECT_LT(rigs::distance(skinned(rigs::skin_mixed, skin, pose), expected), 4e-7 * rigs::kDiagonal);
 }
 
 TEST(BlendShares, AreFrom0To1) {

@@ -17,8 +17,6 @@ using rigs::Matrices;
 using Points = Eigen::MatrixX3d;
 using Rows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
-constexpr double kDiagonal = 2 * std::numbers::sqrt3;  // of the box that the rigs' skins fill
-
 Points points_of(std::span<const float> numbers) {
   return Eigen::Map<const Rows>(numbers.data(), static_cast<Eigen::Index>(numbers.size() / 3), 3).cast<double>();
 }
@@ -129,21 +127,8 @@ Floats deformed(const Deformer& deformer, const std::vector<Part>& parts, std::s
   return positions;
 }
 
-Matrix4<double> similarity() {
-  Matrix4<double> matrix = rigs::turn(40, {1, 2, 3}, {0.3, -0.2, 0.1});
-  matrix.topLeftCorner<3, 3>() *= 1.25;
-  return matrix;
-}
-
-Matrix4<double> sheared() {
-  Matrix4<double> matrix = similarity();
-  matrix.col(1) *= 1.4;
-  matrix(0, 1) += 0.2;
-  return matrix;
-}
-
 Matrix4<double> mirrored() {
-  Matrix4<double> matrix = similarity();
+  Matrix4<double> matrix = rigs::similarity();
   matrix.col(0) *= -1;
   return matrix;
 }
@@ -155,7 +140,7 @@ INSTANTIATE_TEST_SUITE_P(Kernels, DeformerOnEachInstructionSet, each_instruction
 TEST_P(DeformerOnEachInstructionSet, InEverySpaceMaskedMixedOnEveryInput) {
   rigs::Random random(1);
   const std::vector<std::optional<Matrix4<double>>> spaces{std::nullopt, rigs::turn(30, {1, 1, 0}, {1, 2, 0}),
-                                                           similarity(), sheared(), mirrored()};
+                                                           rigs::similarity(), rigs::sheared(), mirrored()};
   for (const std::ptrdiff_t vertices : {1, 17, 4096, 4097, 9001}) {
     const auto skin = std::make_shared<const Skin>(rigs::coherent_skin(random, vertices, 9, 3));
     // Fourteen joints a vertex: blended vertex by vertex.
@@ -174,8 +159,9 @@ TEST_P(DeformerOnEachInstructionSet, InEverySpaceMaskedMixedOnEveryInput) {
       const Floats other = random_numbers(random, 3 * vertices, -1, 1);
       const Deformer all = made(parts);
       EXPECT_LT(rigs::distance(deformed(all, parts), expected(parts, points_of(skin->rest_positions()))),
-                2e-6 * kDiagonal);
-      EXPECT_LT(rigs::distance(deformed(all, parts, {}, other), expected(parts, points_of(other))), 2e-6 * kDiagonal);
+                2e-6 * rigs::kDiagonal);
+      EXPECT_LT(rigs::distance(deformed(all, parts, {}, other), expected(parts, points_of(other))),
+                2e-6 * rigs::kDiagonal);
     }
   }
 }
@@ -260,10 +246,10 @@ TEST(Deformer, StretchRestFramesFollowTheSpace) {
                           space.topRightCorner<3, 1>().transpose();
       return rigs::distance(positions, back);
     };
-    EXPECT_LT(with_space(sheared()), 4e-6 * kDiagonal);
+    EXPECT_LT(with_space(rigs::sheared()), 4e-6 * rigs::kDiagonal);
     // A polar stretch is about the origin, which is not the same in both spaces.
     if (stretch != Stretch::polar) {
-      EXPECT_LT(with_space(similarity()), 4e-6 * kDiagonal);
+      EXPECT_LT(with_space(rigs::similarity()), 4e-6 * rigs::kDiagonal);
     }
   }
 }
@@ -282,8 +268,8 @@ struct Everything {
              {loose, SkinningMethod::dual_quaternion},
              {skin, SkinningMethod::dual_quaternion},
              {loose, SkinningMethod::linear}};
-    parts[1].space = similarity();
-    parts[2].space = sheared();
+    parts[1].space = rigs::similarity();
+    parts[2].space = rigs::sheared();
     parts[3].mask = random_numbers(random, vertices, 0, 1);
     for (Part& part : parts) {
       part.pose = gentle_pose(random, static_cast<std::int32_t>(part.skin->joint_count()));
@@ -333,7 +319,7 @@ TEST(Deformer, SeveralThreadsMayUseOne) {
 TEST(Deformer, ASpaceWithoutAnInverseGivesNumbers) {
   Everything all(500);
   for (Part& part : all.parts) {
-    part.space = similarity();
+    part.space = rigs::similarity();
     part.space->col(2).setZero();
   }
   for (const float number : deformed(made(all.parts, all.keys), all.parts, all.values)) {

@@ -16,15 +16,14 @@ using Floats = std::vector<float>;
 using Offsets = std::vector<std::int64_t>;
 using Joints = std::vector<std::int32_t>;
 
-constexpr double kDiagonal = 2 * std::numbers::sqrt3;  // of the box that random_skin fills
-
-Floats skinned(const Skin& skin, const Matrices& matrices) {
+Floats skinned_by_dual_quaternions(const Skin& skin, const Matrices& matrices) {
   return rigs::skinned(skin_dual_quaternion, skin, matrices);
 }
 
 void expect_reference(const Skin& skin, const Matrices& matrices, double tolerance) {
   const Matrices rounded = rigs::through_float(matrices);
-  EXPECT_LT(rigs::distance(skinned(skin, rounded), reference::skin_dual_quaternion(skin, rounded)), tolerance);
+  EXPECT_LT(rigs::distance(skinned_by_dual_quaternions(skin, rounded), reference::skin_dual_quaternion(skin, rounded)),
+            tolerance);
 }
 
 /// One vertex at `point` with the given influences.
@@ -40,14 +39,14 @@ void expect_point(const Floats& positions, const Eigen::Vector3d& expected, doub
 TEST(DualQuaternionSkinning, HalfWayBetweenTwoTurnsIsTheTurnBetween) {
   const Skin skin = one_vertex({1, 2, 3}, {0, 1}, {0.5f, 0.5f});
   const Eigen::Vector3d z(0, 0, 1);
-  expect_point(skinned(skin, {rigs::identities(1)[0], rigs::turn(90, z, {0, 0, 4})}),
+  expect_point(skinned_by_dual_quaternions(skin, {rigs::identities(1)[0], rigs::turn(90, z, {0, 0, 4})}),
                (rigs::turn(45, z, {0, 0, 2}) * Eigen::Vector4d(1, 2, 3, 1)).head<3>());
 }
 
 TEST(DualQuaternionSkinning, AtRestNotABitChanges) {
   rigs::Random random(1);
   const Skin skin = rigs::random_skin(random, 2000, 20);
-  EXPECT_TRUE(std::ranges::equal(skinned(skin, rigs::identities(20)), skin.rest_positions()));
+  EXPECT_TRUE(std::ranges::equal(skinned_by_dual_quaternions(skin, rigs::identities(20)), skin.rest_positions()));
 }
 
 TEST(DualQuaternionSkinning, AgreesWithKavanInDouble) {
@@ -59,7 +58,7 @@ TEST(DualQuaternionSkinning, AgreesWithKavanInDouble) {
       matrices.push_back(
           rigs::turn(rigs::uniform(random, -80, 80), rigs::vector(random, 1), rigs::vector(random, 0.5)));
     }
-    expect_reference(skin, matrices, 1e-6 * kDiagonal);
+    expect_reference(skin, matrices, 1e-6 * rigs::kDiagonal);
   }
 }
 
@@ -81,7 +80,7 @@ TEST(DualQuaternionSkinning, ATwistOf180DegreesKeepsItsVolume) {
   Stack<float> stack(twist, 1);
   Floats linear(ring.size());
   skin_linear(skin, stack.read(), linear);
-  const Floats dual = skinned(skin, twist);
+  const Floats dual = skinned_by_dual_quaternions(skin, twist);
   for (int i = 0; i < 16; ++i) {
     EXPECT_LT(Eigen::Map<const Eigen::Vector3f>(linear.data() + 3 * i).norm(), 0.001f);
     EXPECT_NEAR(Eigen::Map<const Eigen::Vector3f>(dual.data() + 3 * i).norm(), 1, 1e-6);
@@ -93,9 +92,10 @@ TEST(DualQuaternionSkinning, QAndMinusQAreTheSameRotation) {
   // along the axis, and adding them as they are would cancel the rotation.
   const Skin skin = one_vertex({1, 0, 0}, {0, 1}, {0.5f, 0.5f});
   const Eigen::Vector3d z(0, 0, 1);
-  expect_point(skinned(skin, {rigs::turn(170, z), rigs::turn(190, z)}), {-1, 0, 0});
-  expect_point(skinned(skin, {rigs::turn(190, z), rigs::turn(170, z)}), {-1, 0, 0});
-  expect_point(skinned(skin, {rigs::turn(-170, z, {0, 0, 1}), rigs::turn(170, z, {0, 0, 3})}), {-1, 0, 2});
+  expect_point(skinned_by_dual_quaternions(skin, {rigs::turn(170, z), rigs::turn(190, z)}), {-1, 0, 0});
+  expect_point(skinned_by_dual_quaternions(skin, {rigs::turn(190, z), rigs::turn(170, z)}), {-1, 0, 0});
+  expect_point(skinned_by_dual_quaternions(skin, {rigs::turn(-170, z, {0, 0, 1}), rigs::turn(170, z, {0, 0, 3})}),
+               {-1, 0, 2});
 }
 
 TEST(DualQuaternionSkinning, SignsAreTakenAgainstTheSumSoFarInStoredOrder) {
@@ -107,8 +107,8 @@ TEST(DualQuaternionSkinning, SignsAreTakenAgainstTheSumSoFarInStoredOrder) {
   const Skin in_order = one_vertex({1, 0, 0}, {0, 1, 2}, {0.25f, 0.5f, 0.25f});
   expect_reference(outer_first, turns, 1e-6);
   expect_reference(in_order, turns, 1e-6);
-  EXPECT_GT(skinned(outer_first, turns)[1], 0.9f);  // turned by some 80 degrees
-  EXPECT_GT(skinned(in_order, turns)[0], 0.9f);     // hardly turned
+  EXPECT_GT(skinned_by_dual_quaternions(outer_first, turns)[1], 0.9f);  // turned by some 80 degrees
+  EXPECT_GT(skinned_by_dual_quaternions(in_order, turns)[0], 0.9f);     // hardly turned
 }
 
 TEST(DualQuaternionSkinning, OneJointMayScaleShearAndMirror) {
@@ -121,7 +121,8 @@ TEST(DualQuaternionSkinning, OneJointMayScaleShearAndMirror) {
     Eigen::Matrix3d stretch = scale.asDiagonal();
     stretch(0, 1) = 0.3;
     matrix.topLeftCorner<3, 3>() *= stretch;
-    expect_point(skinned(skin, {matrix}), (matrix * point.cast<double>().homogeneous()).head<3>(), 4e-6);
+    expect_point(skinned_by_dual_quaternions(skin, {matrix}), (matrix * point.cast<double>().homogeneous()).head<3>(),
+                 4e-6);
   }
 }
 
@@ -138,7 +139,7 @@ TEST(DualQuaternionSkinning, StretchesBlendLinearlyAndComeFirst) {
     if (j == 4) stretch.col(0) *= -1;  // mirrors
     matrices.back().topLeftCorner<3, 3>() *= stretch;
   }
-  expect_reference(skin, matrices, 2e-6 * kDiagonal);
+  expect_reference(skin, matrices, 2e-6 * rigs::kDiagonal);
 }
 
 TEST(DualQuaternionSkinning, TheSizeOfTheWeightsDoesNotMatter) {
@@ -146,8 +147,8 @@ TEST(DualQuaternionSkinning, TheSizeOfTheWeightsDoesNotMatter) {
   Matrices matrices{rigs::turn(20, z, {1, 0, 0}), rigs::turn(80, z, {0, 1, 0})};
   for (const bool stretched : {false, true}) {
     if (stretched) matrices[1].topLeftCorner<3, 3>() *= 2;
-    const Floats whole = skinned(one_vertex({1, 2, 3}, {0, 1}, {0.25f, 0.75f}), matrices);
-    const Floats tenth = skinned(one_vertex({1, 2, 3}, {0, 1}, {0.025f, 0.075f}), matrices);
+    const Floats whole = skinned_by_dual_quaternions(one_vertex({1, 2, 3}, {0, 1}, {0.25f, 0.75f}), matrices);
+    const Floats tenth = skinned_by_dual_quaternions(one_vertex({1, 2, 3}, {0, 1}, {0.025f, 0.075f}), matrices);
     expect_point(tenth, {whole[0], whole[1], whole[2]});
   }
 }
@@ -193,10 +194,10 @@ TEST(DualQuaternionSkinning, ANumberThatIsNoneIsFarFromTheReference) {
 TEST(DualQuaternionSkinning, WhereNoDirectionIsRightTheVertexStays) {
   const Eigen::Vector3d z(0, 0, 1);
   const Matrices matrices{rigs::turn(20, z, {1, 0, 0}), rigs::turn(20, z, {1, 0, 0})};
-  EXPECT_EQ(skinned(one_vertex({1, 2, 3}, {0, 1}, {0.5f, -0.5f}), matrices), (Floats{1, 2, 3}));
+  EXPECT_EQ(skinned_by_dual_quaternions(one_vertex({1, 2, 3}, {0, 1}, {0.5f, -0.5f}), matrices), (Floats{1, 2, 3}));
   // Weights so small that their squares are no normal numbers any more.
   for (const float weight : {1e-18f, 1e-19f, 1e-20f, 1e-22f, 1e-30f, 1e-45f}) {
-    for (const float number : skinned(one_vertex({1, 2, 3}, {0, 1}, {weight, weight}), matrices)) {
+    for (const float number : skinned_by_dual_quaternions(one_vertex({1, 2, 3}, {0, 1}, {weight, weight}), matrices)) {
       EXPECT_TRUE(std::isfinite(number)) << weight;
     }
   }
@@ -239,7 +240,7 @@ TEST_P(StretchedJoints, EqualTheReference) {
           const Skin skin = rigs::coherent_skin(random, vertices, 20, influences);
           Floats positions(3 * vertices);
           skin_dual_quaternion(skin, stack.read(), positions, rule);
-          EXPECT_LT(rigs::distance(positions, expected_of(skin, pose, rule)), 2e-6 * kDiagonal)
+          EXPECT_LT(rigs::distance(positions, expected_of(skin, pose, rule)), 2e-6 * rigs::kDiagonal)
               << static_cast<int>(stretch) << ": " << influences << ", " << vertices;
         }
       }

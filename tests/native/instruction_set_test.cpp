@@ -17,8 +17,6 @@ namespace {
 
 using rigs::skinned;
 
-constexpr double kDiagonal = 2 * std::numbers::sqrt3;  // of the box that the rigs' skins fill
-
 class EachInstructionSet : public OnEachInstructionSet {};
 
 INSTANTIATE_TEST_SUITE_P(Kernels, EachInstructionSet, each_instruction_set(), set_name);
@@ -39,7 +37,7 @@ TEST_P(EachInstructionSet, LinearEqualsTheReference) {
       const Skin skin = rigs::coherent_skin(random, vertices, 20, influences);
       const rigs::Matrices pose = rigs::through_float(rigs::random_pose(random, 20));
       const double error = rigs::distance(skinned(skin_linear, skin, pose), reference::skin_linear(skin, pose));
-      EXPECT_LT(error, 2e-7 * kDiagonal) << vertices << " vertices, " << influences;
+      EXPECT_LT(error, 2e-7 * rigs::kDiagonal) << vertices << " vertices, " << influences;
     }
   }
 }
@@ -52,7 +50,7 @@ TEST_P(EachInstructionSet, DualQuaternionsEqualTheReference) {
       const rigs::Matrices pose = gentle_pose(random, 20);
       const double error =
           rigs::distance(skinned(skin_dual_quaternion, skin, pose), reference::skin_dual_quaternion(skin, pose));
-      EXPECT_LT(error, 4e-7 * kDiagonal) << vertices << " vertices, " << influences;
+      EXPECT_LT(error, 4e-7 * rigs::kDiagonal) << vertices << " vertices, " << influences;
     }
   }
 }
@@ -88,7 +86,8 @@ TEST(InstructionSet, ASkinMadeUnderAnotherSetIsPackedAgain) {
   const rigs::Matrices pose = rigs::through_float(rigs::random_pose(random, 5));
   for (const std::string& name : instruction_sets()) {
     set_instruction_set(name);
-    EXPECT_LT(rigs::distance(skinned(skin_linear, skin, pose), reference::skin_linear(skin, pose)), 2e-7 * kDiagonal);
+    EXPECT_LT(rigs::distance(skinned(skin_linear, skin, pose), reference::skin_linear(skin, pose)),
+              2e-7 * rigs::kDiagonal);
   }
   set_instruction_set("auto");
   EXPECT_EQ(instruction_set(), instruction_sets().front());
@@ -124,7 +123,7 @@ TEST(InstructionSet, MayChangeWhileOthersSkin) {
     for (int turn = 0; turn < 100; ++turn) {
       std::optional<Skin> own;
       if (anew) own.emplace(skin.rest_positions(), skin.offsets(), skin.joints(), skin.weights(), 20);
-      wrong += !(rigs::distance(skinned(skin_linear, own ? *own : skin, pose), expected) < 2e-7 * kDiagonal);
+      wrong += !(rigs::distance(skinned(skin_linear, own ? *own : skin, pose), expected) < 2e-7 * rigs::kDiagonal);
       ++made;
     }
     --running;

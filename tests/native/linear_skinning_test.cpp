@@ -9,9 +9,9 @@ namespace {
 using rigs::Matrices;
 using Floats = std::vector<float>;
 
-constexpr double kDiagonal = 2 * std::numbers::sqrt3;  // of the box that random_skin fills
-
-Floats skinned(const Skin& skin, const Matrices& matrices) { return rigs::skinned(skin_linear, skin, matrices); }
+Floats skinned_by_matrices(const Skin& skin, const Matrices& matrices) {
+  return rigs::skinned(skin_linear, skin, matrices);
+}
 
 TEST(LinearSkinning, HalfWayBetweenTwoJoints) {
   const Skin skin(Floats{1, 2, 3}, std::vector<std::int64_t>{0, 2}, std::vector<std::int32_t>{0, 1}, Floats{0.5f, 0.5f},
@@ -21,7 +21,7 @@ TEST(LinearSkinning, HalfWayBetweenTwoJoints) {
                                                                  0, 0, 1, 8,                        //
                                                                  0, 0, 0, 1)
                                                                     .finished()};
-  EXPECT_EQ(skinned(skin, matrices), (Floats{4.5f, 1.5f, 7}));
+  EXPECT_EQ(skinned_by_matrices(skin, matrices), (Floats{4.5f, 1.5f, 7}));
 }
 
 TEST(LinearSkinning, AgreesWithEquation2InDouble) {
@@ -29,8 +29,8 @@ TEST(LinearSkinning, AgreesWithEquation2InDouble) {
   for (const std::int32_t joints : {1, 2, 23, 200}) {
     const Skin skin = rigs::random_skin(random, 3000, joints);
     const Matrices matrices = rigs::through_float(rigs::random_pose(random, joints, 0.5));
-    const double error = rigs::distance(skinned(skin, matrices), reference::skin_linear(skin, matrices));
-    EXPECT_LT(error / kDiagonal, 2e-7) << joints << " joints";
+    const double error = rigs::distance(skinned_by_matrices(skin, matrices), reference::skin_linear(skin, matrices));
+    EXPECT_LT(error / rigs::kDiagonal, 2e-7) << joints << " joints";
   }
 }
 
@@ -43,16 +43,16 @@ TEST(LinearSkinning, AnyAffineMatrixAndAnyWeightCount) {
   Matrices matrices = rigs::random_pose(random, 2);
   for (auto& matrix : matrices) matrix.topLeftCorner<3, 3>() *= Eigen::Vector3d(-1, 2, 3).asDiagonal();
   matrices = rigs::through_float(matrices);
-  EXPECT_LT(rigs::distance(skinned(skin, matrices), reference::skin_linear(skin, matrices)), 2e-6);
+  EXPECT_LT(rigs::distance(skinned_by_matrices(skin, matrices), reference::skin_linear(skin, matrices)), 2e-6);
 }
 
 TEST(LinearSkinning, TheLastRowIsNotRead) {
   rigs::Random random(5);
   const Skin skin = rigs::random_skin(random, 100, 4);
   Matrices matrices = rigs::random_pose(random, 4);
-  const Floats expected = skinned(skin, matrices);
+  const Floats expected = skinned_by_matrices(skin, matrices);
   for (auto& matrix : matrices) matrix.row(3) << 5, 6, 7, 8;
-  EXPECT_EQ(skinned(skin, matrices), expected);
+  EXPECT_EQ(skinned_by_matrices(skin, matrices), expected);
 }
 
 }  // namespace

@@ -177,10 +177,10 @@ TEST_F(BoneForest, RefusesToWriteWhatItWouldReadDifferently) {
 }
 
 /// Five joints; two bones from joint 1, one on from joint 2, one apart.
-const std::string kJoints = "1 0 0 0\n2 1 0 0\n3 2 0 0\n4 0 5 0\n5 9 9 9\n";
+const std::string kJointLines = "1 0 0 0\n2 1 0 0\n3 2 0 0\n4 0 5 0\n5 9 9 9\n";
 
 TEST_F(TrivialGraph, EdgesAreBones) {
-  const RigSkeleton skeleton = read(kJoints + "#\n2 3\n1 2\n1 4\n4 5\n", std::nullopt, "a.tgf");
+  const RigSkeleton skeleton = read(kJointLines + "#\n2 3\n1 2\n1 4\n4 5\n", std::nullopt, "a.tgf");
   EXPECT_EQ(skeleton.convention(), Convention::bone);
   EXPECT_TRUE(std::ranges::equal(skeleton.parents(), Integers{1, -1, -1, 2}));
   EXPECT_EQ(skeleton.weight_columns(), (Integers{0, 1, 2, 3}));
@@ -189,7 +189,7 @@ TEST_F(TrivialGraph, EdgesAreBones) {
 }
 
 TEST_F(TrivialGraph, FlagsFurtherNumbersAndFurtherSectionsAreSkipped) {
-  const RigSkeleton plain = read(kJoints + "#\n1 2\n2 3\n", std::nullopt, "a.tgf");
+  const RigSkeleton plain = read(kJointLines + "#\n1 2\n2 3\n", std::nullopt, "a.tgf");
   const RigSkeleton full = read(
       "\xEF\xBB\xBF"
       "1 0 0 0 0.5\r\n2 1 0 0 7 x\r\n\r\n3 2 0 0\r\n4 0 5 0\r\n5 9 9 9\r\n"
@@ -199,7 +199,7 @@ TEST_F(TrivialGraph, FlagsFurtherNumbersAndFurtherSectionsAreSkipped) {
 }
 
 TEST_F(TrivialGraph, RoundTrips) {
-  const RigSkeleton skeleton = read(kJoints + "#\n2 3\n1 2\n1 4\n4 5\n", Convention::bone, "a.tgf");
+  const RigSkeleton skeleton = read(kJointLines + "#\n2 3\n1 2\n1 4\n4 5\n", Convention::bone, "a.tgf");
   const RigSkeleton back = again(skeleton, "again.tgf");
   expect_same(back, skeleton);
   EXPECT_EQ(back.heads(), skeleton.heads());
@@ -208,22 +208,24 @@ TEST_F(TrivialGraph, RoundTrips) {
 
 TEST_F(TrivialGraph, RefusesGraphsThatAreNone) {
   EXPECT_EQ(said("", "a.tgf"), "a.tgf holds no bones");
-  EXPECT_EQ(said(kJoints, "a.tgf"), "a.tgf holds no bones");
+  EXPECT_EQ(said(kJointLines, "a.tgf"), "a.tgf holds no bones");
   EXPECT_EQ(said("1 0 0 0\n3 0 0 0\n", "a.tgf"), "a.tgf, line 2: joint 3 found; expected joint 2");
   EXPECT_EQ(said("1 0 0\n", "a.tgf"), "a.tgf, line 1: the line ends where a coordinate is expected");
   EXPECT_EQ(said("a 0 0 0\n", "a.tgf"), "a.tgf, line 1: expected a joint's number, found \"a\"");
   EXPECT_EQ(said("1 0 inf 0\n", "a.tgf"), "a.tgf, line 1: expected a coordinate, found \"inf\"");
-  EXPECT_EQ(said(kJoints + "#\n1 6\n", "a.tgf"), "a.tgf, line 7: joint 6 does not exist; there are 5");
-  EXPECT_EQ(said(kJoints + "#\n0 1\n", "a.tgf"), "a.tgf, line 7: joint 0 does not exist; there are 5");
-  EXPECT_EQ(said(kJoints + "#\n1\n", "a.tgf"), "a.tgf, line 7: the line ends where a joint's number is expected");
-  EXPECT_EQ(said(kJoints + "#\n1 2\n3 2\n", "a.tgf"), "a.tgf, line 8: a second bone ends at joint 2; expected a tree");
-  EXPECT_EQ(said(kJoints + "#\n1 2\n2 1\n", "a.tgf"),
+  EXPECT_EQ(said(kJointLines + "#\n1 6\n", "a.tgf"), "a.tgf, line 7: joint 6 does not exist; there are 5");
+  EXPECT_EQ(said(kJointLines + "#\n0 1\n", "a.tgf"), "a.tgf, line 7: joint 0 does not exist; there are 5");
+  EXPECT_EQ(said(kJointLines + "#\n1\n", "a.tgf"), "a.tgf, line 7: the line ends where a joint's number is expected");
+  EXPECT_EQ(said(kJointLines + "#\n1 2\n3 2\n", "a.tgf"),
+            "a.tgf, line 8: a second bone ends at joint 2; expected a tree");
+  EXPECT_EQ(said(kJointLines + "#\n1 2\n2 1\n", "a.tgf"),
             "a.tgf: joint 0 is its own ancestor: its chain of parents is a cycle");
-  EXPECT_EQ(said(kJoints + "#\n1 1\n", "a.tgf"), "a.tgf: joint 0 is its own ancestor: its chain of parents is a cycle");
+  EXPECT_EQ(said(kJointLines + "#\n1 1\n", "a.tgf"),
+            "a.tgf: joint 0 is its own ancestor: its chain of parents is a cycle");
 }
 
 TEST_F(TrivialGraph, RefusesTheJointConvention) {
-  EXPECT_EQ(complaint([&] { read(kJoints + "#\n1 2\n", Convention::joint, "a.tgf"); }),
+  EXPECT_EQ(complaint([&] { read(kJointLines + "#\n1 2\n", Convention::joint, "a.tgf"); }),
             "a.tgf is in the bone convention, like every .tgf file; the joint convention was requested");
 }
 

@@ -14,7 +14,7 @@ namespace {
 
 class RigidAndStretches : public OnEachInstructionSet {};
 
-constexpr int kJoints = 400;
+constexpr int kJointCount = 400;
 
 Matrix4<float> turned(std::mt19937& random, float angle, float distance) {
   std::uniform_real_distribution<float> some(-1, 1);
@@ -41,7 +41,7 @@ TEST_P(RigidAndStretches, MirroredJointsHaveTheRotationsOfBlender) {
   std::vector<Matrix4<float>> matrices;
   std::vector<Matrix4<double>> rest_frames;
   std::vector<rig::DualQuaternion> expected;
-  for (int j = 0; j < kJoints; ++j) {
+  for (int j = 0; j < kJointCount; ++j) {
     const Matrix4<float> rest = turned(random, 3, 4);
     Matrix4<float> local = turned(random, j % 2 ? 0.f : 3.f, 1);
     for (int i = 0; i < 3; ++i) local.col(i) *= one_of_three(random) + (j % 3 ? 0.5f : 0.f);
@@ -49,12 +49,12 @@ TEST_P(RigidAndStretches, MirroredJointsHaveTheRotationsOfBlender) {
     rest_frames.push_back(rest.cast<double>());
     expected.push_back(rig::dual_quaternion_of(columns_of(rest), columns_of(matrices[j])));
   }
-  std::vector<std::int32_t> joints(kJoints);
+  std::vector<std::int32_t> joints(kJointCount);
   std::iota(joints.begin(), joints.end(), 0);
-  std::vector<RigidAndStretch> motions(kJoints);
-  split(MatrixStack<const float>::of(matrices.data(), 1, kJoints), 0,
+  std::vector<RigidAndStretch> motions(kJointCount);
+  split(MatrixStack<const float>::of(matrices.data(), 1, kJointCount), 0,
         {.stretch = Stretch::frame_each, .rest_frames = rest_frames}, joints, motions);
-  for (int j = 0; j < kJoints; ++j) {
+  for (int j = 0; j < kJointCount; ++j) {
     const Eigen::Quaternionf& q = motions[j].real;
     const Eigen::Vector4f parts(q.w(), q.x(), q.y(), q.z());
     for (int i = 0; i < 4; ++i) ASSERT_EQ(parts[i], expected[j].rotation[i]) << "joint " << j << ", number " << i;

@@ -22,6 +22,19 @@ Matrix4<double> turn(double degrees, const Eigen::Vector3d& axis, const Eigen::V
   return rigid(Eigen::Quaterniond(Eigen::AngleAxisd(radians, axis.normalized())), translation);
 }
 
+Matrix4<double> similarity() {
+  Matrix4<double> matrix = turn(40, {1, 2, 3}, {0.3, -0.2, 0.1});
+  matrix.topLeftCorner<3, 3>() *= 1.25;
+  return matrix;
+}
+
+Matrix4<double> sheared() {
+  Matrix4<double> matrix = similarity();
+  matrix.col(1) *= 1.4;
+  matrix(0, 1) += 0.2;
+  return matrix;
+}
+
 Matrix4<double> random_rigid(Random& random, double size) {
   return turn(uniform(random, -180, 180), vector(random, 1), vector(random, size));
 }

@@ -16,6 +16,8 @@ namespace sinew::rigs {
 using Random = std::mt19937;
 using reference::Matrices;
 
+inline constexpr double kDiagonal = 2 * std::numbers::sqrt3;  // of the box that skins fill
+
 double uniform(Random& random, double low, double high);
 
 Eigen::Vector3d vector(Random& random, double size);
@@ -24,6 +26,12 @@ Matrix4<double> rigid(const Eigen::Quaterniond& rotation, const Eigen::Vector3d&
 
 Matrix4<double> turn(double degrees, const Eigen::Vector3d& axis,
                      const Eigen::Vector3d& translation = Eigen::Vector3d::Zero());
+
+/// Turns, moves and scales alike.
+Matrix4<double> similarity();
+
+/// A similarity with one axis stretched and sheared.
+Matrix4<double> sheared();
 
 Matrix4<double> random_rigid(Random& random, double size = 1);
 

@@ -16,8 +16,6 @@ using Integers = std::vector<std::int32_t>;
 using rigs::Matrices;
 using rigs::skinned;
 
-constexpr double kDiagonal = 2 * std::numbers::sqrt3;  // of the box that the rigs' skins fill
-
 /// Faces as the library takes them and as the oracle does.
 struct Faces {
   Integers offsets{0}, vertices;
@@ -254,7 +252,7 @@ TEST_P(RotationCenterSkinning, EqualsTheReference) {
     const Eigen::MatrixX3d centers = rigs::points_of(rigs::random_centers(skin));
     EXPECT_LT(rigs::distance(skinned(rigs::skin_about_centers, skin, pose),
                              reference::skin_rotation_centers(skin, pose, centers)),
-              tolerance * kDiagonal)
+              tolerance * rigs::kDiagonal)
         << skin.vertex_count() << " vertices";
   };
   for (const std::ptrdiff_t vertices : {1, 15, 16, 17, 100, 5000}) {
