@@ -29,6 +29,7 @@ class Day:
         self.take()
         keep_live(self.cast)
         self.handlers, self.posed = [], 0
+        self.is_unseen = False  # is there an edit that Blender shows when it copies the rig for another reason?
         for frame in (1, OTHER, NOW):
             self.cast.scene.frame_set(frame)
         accelerate(self.cast)
@@ -68,6 +69,19 @@ class Day:
         self.compare()
 
     def compare(self):
+        if not self.is_unseen:
+            self.compare_all()
+            return
+        try:
+            self.compare_all()
+        except AssertionError:
+            for armature in self.armatures():
+                armature.update_tag()
+            self.is_unseen = False
+            layer().update()
+            self.compare_all()
+
+    def compare_all(self):
         for ours, theirs in zip(*both(self.cast)):
             assert ours.visible_get() == theirs.visible_get()
             if ours.visible_get():
@@ -156,6 +170,11 @@ def to_each(edit):
             edit(armature)
 
     return edit_both
+
+
+def set_a_property_without_a_tag(day):
+    to_each(animation.set_a_property_without_a_tag)(day)
+    day.is_unseen = True
 
 
 @to_each
@@ -536,11 +555,12 @@ OF_ANIMATION = [
     *(animation.remove_a_curve, animation.add_a_curve, animation.clear_animation),
     *(animation.unassign_action, animation.copy_action, animation.tag_action, animation.rename_a_bone),
     *(animation.remove_a_driver, animation.add_a_driver, animation.move_a_key_of_the_clip, animation.play_the_clip),
-    *(animation.push_down, animation.set_a_property, animation.set_a_property_without_a_tag),
+    *(animation.push_down, animation.set_a_property),
 ]
 EDITS = [
     *map(to_each, OF_ANIMATION),
     *(
+        set_a_property_without_a_tag,
         delete_a_key,
         pose_a_bone,
         pose_what_has_no_keys,
