@@ -156,6 +156,7 @@ def edit_and_take_back(cast):
 @pytest.mark.parametrize(
     "edit", (pose_by_hand, edit_a_key, edit_a_key_of_this_frame, edit_and_take_back), ids=lambda edit: edit.__name__
 )
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("is_updated", (True, False), ids=("updated", "at once"))
 def test_an_edit_does_not_begin_it_anew(cast, edit, is_updated):
     accelerate(cast)

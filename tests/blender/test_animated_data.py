@@ -440,6 +440,7 @@ def make_run(keys):
     return ob, twin
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("animate", ANIMATE)
 @pytest.mark.parametrize("keys", (False, True), ids=("attribute", "keys"))
 def test_every_setting_of_a_modifier_is_followed_or_left_to_blender(fresh_scene, keys, animate):

@@ -163,6 +163,7 @@ def posed(weights, ob, matrices):
     return np.einsum("vb,fbvi->fvi", weights, by_bone)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("name", "most"), [("figure", 0.05), ("tube", 0.05), ("capsule", 0.03), ("ogre", 0.12)])
 def test_weights_are_blenders_at_its_stiffness(name, most):
     ob, armature = FIGURES[name]()
@@ -176,6 +177,7 @@ def test_weights_are_blenders_at_its_stiffness(name, most):
 
 
 # The capsule's weights are B-splines, softer than those of the default stiffness.
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("name", "stiffness"), [("capsule", 4.0), ("ogre", 4.0), ("ogre", 8.0)])
 def test_shapes_in_poses_are_as_near_as_blenders_to_those_of_the_files_weights(name, stiffness):
     ob, armature = FIGURES[name]()

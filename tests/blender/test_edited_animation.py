@@ -485,6 +485,7 @@ def cases(edits):
     return pytest.mark.parametrize("prepare, edit", [each[1:] for each in edits], ids=[each[0] for each in edits])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("then", THEN)
 @cases(EDITS)
 def test_a_pose_after_an_edit(make_native, prepare, edit, then):

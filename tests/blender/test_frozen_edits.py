@@ -332,6 +332,7 @@ KEPT = (str, set, Matrix, bpy.types.bpy_struct)
 @pytest.mark.parametrize(
     "way", ["recorded", *(pytest.param(each, marks=needs_rig_programs) for each in ("computed", "posed"))]
 )
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 def test_an_edit_that_makes_no_difference_here_shows_on_other_frames(fresh_scene, kind, way, request, monkeypatch):
     """A character whose frames are computed is frozen again after the edit, before any frame is played, or stays

@@ -84,6 +84,7 @@ def armature(fresh_scene):
     return ob
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("first", range(1, SEEDS + 1, PORTION))
 def test_random_rigs(first):
     outcomes = dict.fromkeys(("equal", "cycle", "unsteady", "different", "undefined driver"), 0)
@@ -153,6 +154,7 @@ def test_a_difference_is_shrunk_to_what_makes_it():
     assert random_rigs.shrunk(3, features, lambda fewer: set(needed) <= set(fewer)) == needed
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("metarig", TRIED)
 def test_rigify(fresh_scene, metarig):
     check_rigify(rigify(metarig))
