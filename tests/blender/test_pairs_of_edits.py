@@ -363,10 +363,10 @@ def bend_a_bone(armature):
 
 @to_each
 def change_a_custom_handle(armature):
-    bone = bone_of(armature)
-    bone.bone.bbone_segments = 4
-    bone.bone.bbone_handle_type_start = bone.bone.bbone_handle_type_end = "ABSOLUTE"
-    bone.bone.bbone_custom_handle_end = armature.data.bones["side"]
+    bone, handle = bone_of(armature).bone, armature.data.bones["side"]
+    bone.bbone_segments = 4
+    bone.bbone_handle_type_start = bone.bbone_handle_type_end = "ABSOLUTE"
+    bone.bbone_custom_handle_end = handle
 
 
 @to_each
@@ -541,6 +541,7 @@ def save_and_open(day):
     path = str(Path(saved()).with_name("again.blend"))
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
+    bpy.ops.ed.undo_push(message="opened")  # which Blender does where there is a window
     day.take()
     layer().update()
 
@@ -586,8 +587,8 @@ EDITS = [
     *(change_the_range, change_the_tempo, handler_that_poses, handler_before_frames, no_handlers, undo_a_pose),
     *(undo_and_redo, undo_the_last, save_and_open, save),
 ]
-# Where the first edit has removed what the second one wants.
-GONE = AttributeError, IndexError, KeyError, StopIteration, TypeError
+# Where the first edit has removed what the second one wants, or has made what it would make.
+GONE = AttributeError, IndexError, KeyError, RuntimeError, StopIteration, TypeError
 
 
 # --- when the second one is made ------------------------------------------------------------------

@@ -100,6 +100,10 @@ def change_strip(random, armature):
 
 @on_rig(2)
 def change_curve(random, armature):
+    return edit_curve(random, armature)
+
+
+def edit_curve(random, armature):
     curves = addon_module("blender.animation").slot_curves(armature)
     if not curves:
         return None
@@ -126,6 +130,42 @@ def change_curve(random, armature):
             curve.keyframe_points.remove(curve.keyframe_points[-1])
     curve.id_data.update_tag()  # Blender notices some of these at the next change of the frame only
     return f"{what} {curve.data_path}"
+
+
+@on_rig(2)
+def change_curve_then_pose(random, armature):
+    what = edit_curve(random, armature)
+    bpy.context.view_layer.update()
+    return f"{what}, then {pose_that_stays(random, armature)}"
+
+
+@on_rig(1)
+def script_on_each_frame(random, armature):
+    """Poses, and at times sets a key, as scripts do that write a motion down."""
+    said, sets_keys = [], random.random() < 0.5
+    first = random.randint(1, scene.LAST_FRAME - 5)
+    for frame in range(first, first + random.randint(2, 5)):
+        bpy.context.scene.frame_set(frame)
+        name = pose_that_stays(random, armature)
+        if name and sets_keys:
+            armature.pose.bones[name].keyframe_insert("location")
+        said.append(name)
+    return f"{said} {sets_keys}"
+
+
+def pose_that_stays(random, armature):
+    """Moves a bone by hand: keyframes set it on the next frame, not before. Returns its name."""
+    drivers = armature.animation_data.drivers if armature.animation_data else ()
+    driven = {driver.data_path for driver in drivers}
+    free = [bone for bone in armature.pose.bones if f'pose.bones["{bone.name}"].location' not in driven]
+    if not free or armature.library or armature.override_library:
+        return None
+    bone = random.choice(free)
+    bone.location = [random.uniform(-0.3, 0.3) for _ in range(3)]
+    wanted = bone.location.copy()
+    bpy.context.view_layer.update()
+    assert bone.location == wanted, f"the pose of {bone.name} of {armature.name} was lost"
+    return bone.name
 
 
 @on_rig(2.5)
