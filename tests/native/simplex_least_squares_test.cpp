@@ -65,7 +65,8 @@ TEST(SimplexLeastSquares, FindsTheBestOfAllSupports) {
     const int n = 1 + trial % 7;
     const auto [g, b] = random_problem(random, n);
     Eigen::VectorXd x = Eigen::VectorXd::Zero(n);
-    solver.solve(g, b, x);
+    WholeGram whole(g);
+    solver.solve(whole, b, x);
     expect_on_simplex(x);
     EXPECT_NEAR(sum_of(g, b, x), best_of_all(g, b, n), 1e-9) << "trial " << trial;
   }
@@ -78,8 +79,9 @@ TEST(SimplexLeastSquares, TheStartDoesNotMatter) {
     const auto [g, b] = random_problem(random, 6);
     Eigen::VectorXd first = Eigen::VectorXd::Zero(6);
     Eigen::VectorXd second = Eigen::VectorXd::Constant(6, 1.0 / 6);
-    solver.solve(g, b, first);
-    solver.solve(g, b, second);
+    WholeGram whole(g);
+    solver.solve(whole, b, first);
+    solver.solve(whole, b, second);
     EXPECT_LT((first - second).norm(), 1e-8);
   }
 }
@@ -91,7 +93,8 @@ TEST(SimplexLeastSquares, WithFewerUnknownsItIsNearTheBest) {
   for (int trial = 0; trial < 100; ++trial) {
     const auto [g, b] = random_problem(random, 6);
     Eigen::VectorXd x = Eigen::VectorXd::Zero(6);
-    solver.solve_sparse(g, b, 2, x);
+    WholeGram whole(g);
+    solver.solve_sparse(whole, b, 2, x);
     expect_on_simplex(x);
     EXPECT_LE((x.array() > 0).count(), 2);
     const double best = best_of_all(g, b, 2);
@@ -104,7 +107,9 @@ TEST(SimplexLeastSquares, WithFewerUnknownsItIsNearTheBest) {
 TEST(SimplexLeastSquares, EqualColumnsEndWithAShare) {
   SimplexLeastSquares solver;
   Eigen::VectorXd x = Eigen::VectorXd::Zero(3);
-  solver.solve_sparse(Eigen::MatrixXd::Ones(3, 3), Eigen::VectorXd::Ones(3), 2, x);
+  const Eigen::MatrixXd ones = Eigen::MatrixXd::Ones(3, 3);
+  WholeGram whole(ones);
+  solver.solve_sparse(whole, Eigen::VectorXd::Ones(3), 2, x);
   expect_on_simplex(x);
   EXPECT_LE((x.array() > 0).count(), 2);
 }

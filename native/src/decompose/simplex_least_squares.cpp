@@ -9,7 +9,7 @@
 
 namespace sinew {
 
-bool SimplexLeastSquares::factor(const Matrix& g) {
+bool SimplexLeastSquares::factor(Gram& g) {
   const std::size_t n = used_.size();
   if (stride_ < n) {
     stride_ = std::max(2 * n, std::size_t{16});
@@ -17,13 +17,14 @@ bool SimplexLeastSquares::factor(const Matrix& g) {
     factored_ = 0;
   }
   for (std::size_t row = std::exchange(factored_, n); row < n; ++row) {
+    const std::span<const double> own = g.column(used_[row]);
     for (std::size_t column = 0; column <= row; ++column) {
-      double sum = g(used_[row], used_[column]);
+      double sum = own[used_[column]];
       for (std::size_t k = 0; k < column; ++k) sum -= lower(row, k) * lower(column, k);
       if (column < row) {
         lower(row, column) = sum / lower(column, column);
       } else {
-        if (!(sum > 1e-14 * g(used_[row], used_[row]))) {  // depends on those before it
+        if (!(sum > 1e-14 * own[used_[row]])) {  // depends on those before it
           factored_ = row;
           return false;
         }
@@ -34,12 +35,16 @@ bool SimplexLeastSquares::factor(const Matrix& g) {
   return true;
 }
 
-void SimplexLeastSquares::substitute(std::vector<double>& values, std::size_t first) const {
-  const std::size_t n = used_.size();
-  for (std::size_t row = first; row < n; ++row) {
+void SimplexLeastSquares::forward(std::vector<double>& values, std::size_t first) const {
+  for (std::size_t row = first; row < used_.size(); ++row) {
     for (std::size_t k = first; k < row; ++k) values[row] -= lower(row, k) * values[k];
     values[row] /= lower(row, row);
   }
+}
+
+void SimplexLeastSquares::substitute(std::vector<double>& values) const {
+  forward(values);
+  const std::size_t n = used_.size();
   for (std::size_t row = n; row-- > 0;) {
     for (std::size_t k = row + 1; k < n; ++k) values[row] -= lower(k, row) * values[k];
     values[row] /= lower(row, row);
@@ -59,8 +64,8 @@ void SimplexLeastSquares::solve_equality(const Vector& b) {
   for (std::size_t i = 0; i < n; ++i) values_[i] += multiplier_ * ones_[i];
 }
 
-void SimplexLeastSquares::improve(const Matrix& g, const Vector& b, Eigen::Ref<Eigen::VectorXd> x, bool may_enter) {
-  const double tolerance = 1e-12 * g.diagonal().maxCoeff();
+void SimplexLeastSquares::improve(Gram& g, const Vector& b, Eigen::Ref<Eigen::VectorXd> x, bool may_enter) {
+  const double tolerance = 1e-12 * std::ranges::max(g.diagonal());
   for (Eigen::Index round = 0; round < 4 * b.size() + 16; ++round) {
     if (!factor(g)) {  // two unknowns do the same: the last of them leaves
       const auto gone = std::min_element(used_.begin(), used_.end(), [&](int i, int j) { return x[i] < x[j]; });
@@ -87,20 +92,23 @@ void SimplexLeastSquares::improve(const Matrix& g, const Vector& b, Eigen::Ref<E
     if (!may_enter) return;
     int best = -1;
     double least = -tolerance;
-    is_used_.assign(static_cast<std::size_t>(b.size()), 0);
-    for (const int i : used_) is_used_[i] = 1;
-    for (int j = 0; j < b.size(); ++j) {
-      if (is_used_[j]) continue;
-      double slope = -b[j] - multiplier_;
-      for (const int i : used_) slope += g(j, i) * x[i];
-      if (slope < least) least = slope, best = j;
+    slopes_.resize(static_cast<std::size_t>(b.size()));
+    for (std::size_t j = 0; j < slopes_.size(); ++j) slopes_[j] = -b[static_cast<Eigen::Index>(j)] - multiplier_;
+    for (const int i : used_) {
+      const std::span<const double> column = g.column(i);
+      const double weight = x[i];
+      for (std::size_t j = 0; j < slopes_.size(); ++j) slopes_[j] += column[j] * weight;
+    }
+    for (const int i : used_) slopes_[i] = 0;
+    for (std::size_t j = 0; j < slopes_.size(); ++j) {
+      if (slopes_[j] < least) least = slopes_[j], best = static_cast<int>(j);
     }
     if (best < 0) return;
     used_.push_back(best);
   }
 }
 
-void SimplexLeastSquares::solve(const Matrix& g, const Vector& b, Eigen::Ref<Eigen::VectorXd> x) {
+void SimplexLeastSquares::solve(Gram& g, const Vector& b, Eigen::Ref<Eigen::VectorXd> x) {
   used_.clear();
   factored_ = 0;
   const double sum = x.sum();
@@ -110,8 +118,9 @@ void SimplexLeastSquares::solve(const Matrix& g, const Vector& b, Eigen::Ref<Eig
       if (x[i] > 0) used_.push_back(i);
     }
   } else {
+    const std::span<const double> diagonal = g.diagonal();
     Eigen::Index first;
-    (0.5 * g.diagonal() - b).minCoeff(&first);
+    (0.5 * Eigen::VectorXd::Map(diagonal.data(), b.size()) - b).minCoeff(&first);
     x.setZero();
     x[first] = 1;
     used_.push_back(static_cast<int>(first));
@@ -126,7 +135,7 @@ void SimplexLeastSquares::leave(std::size_t place, Eigen::Ref<Eigen::VectorXd> x
   factored_ = std::min(factored_, place);
 }
 
-void SimplexLeastSquares::solve_sparse(const Matrix& g, const Vector& b, int most, Eigen::Ref<Eigen::VectorXd> x) {
+void SimplexLeastSquares::solve_sparse(Gram& g, const Vector& b, int most, Eigen::Ref<Eigen::VectorXd> x) {
   solve(g, b, x);
   std::vector<double> rises;
   std::vector<int> leaving;
@@ -142,8 +151,10 @@ void SimplexLeastSquares::solve_sparse(const Matrix& g, const Vector& b, int mos
     for (std::size_t i = 0; i < n; ++i) {
       values_.assign(n, 0);
       values_[i] = 1;
-      substitute(values_, i);
-      rises[i] = x[used_[i]] * x[used_[i]] / std::max(values_[i] - ones_[i] * ones_[i] / all, 1e-300);
+      forward(values_, i);
+      double inverse = 0;  // (G^-1)_ii: the square of column i of L^-1
+      for (std::size_t row = i; row < n; ++row) inverse += values_[row] * values_[row];
+      rises[i] = x[used_[i]] * x[used_[i]] / std::max(inverse - ones_[i] * ones_[i] / all, 1e-300);
     }
     // Of very many, an eighth at once.
     const std::size_t count = std::max<std::size_t>(1, (n - static_cast<std::size_t>(most)) / 8);

@@ -114,21 +114,48 @@ struct Task {
   }
 };
 
-/// The memory for one point's system, kept from point to point: only a larger system allocates.
-class System {
+/// One point's system: G_ik = u^T (sum over frames of M_i^T M_k) u for its chosen joints i and k, with a pull on the
+/// diagonal. Of the columns, n numbers each, a solution asks for a few. The memory is kept from point to point.
+class System final : public Gram {
  public:
-  void resize(std::size_t n) {
-    n_ = static_cast<Eigen::Index>(n);
-    numbers_.resize(std::max(numbers_.size(), 2 * n * (n + 1)));
+  /// squares and chosen stay where they are until the next begin.
+  void begin(const Eigen::MatrixXd& squares, const Eigen::Vector4d& rest, std::span<const std::int32_t> chosen) {
+    squares_ = &squares;
+    rest_ = rest;
+    chosen_ = chosen;
+    is_made_.assign(size(), 0);
+    columns_.resize(std::max(columns_.size(), size() * size()));
+    diagonal_.resize(size());
+    for (std::size_t i = 0; i < size(); ++i) diagonal_[i] = entry(i, i);
   }
-  Eigen::Map<Eigen::MatrixXd> matrix() { return {numbers_.data(), n_, n_}; }
-  Eigen::Map<Eigen::MatrixXd> exact_matrix() { return {numbers_.data() + n_ * n_, n_, n_}; }
-  Eigen::Map<Eigen::VectorXd> right_side() { return {numbers_.data() + 2 * n_ * n_, n_}; }
-  Eigen::Map<Eigen::VectorXd> weights() { return {numbers_.data() + 2 * n_ * n_ + n_, n_}; }
+
+  void pull(double by) {
+    for (double& own : diagonal_) own += by;
+  }
+
+  std::span<const double> diagonal() override { return diagonal_; }
+
+  std::span<const double> column(std::size_t k) override {
+    const std::span own = std::span(columns_).subspan(k * size(), size());
+    if (!is_made_[k]) {
+      for (std::size_t i = 0; i < size(); ++i) own[i] = i == k ? diagonal_[k] : entry(std::max(i, k), std::min(i, k));
+      is_made_[k] = 1;
+    }
+    return own;
+  }
 
  private:
-  Eigen::Index n_ = 0;
-  std::vector<double> numbers_;
+  std::size_t size() const { return chosen_.size(); }
+
+  double entry(std::size_t i, std::size_t k) const {
+    return rest_.dot(squares_->block<4, 4>(4 * chosen_[i], 4 * chosen_[k]) * rest_);
+  }
+
+  const Eigen::MatrixXd* squares_ = nullptr;
+  Eigen::Vector4d rest_;
+  std::span<const std::int32_t> chosen_;
+  std::vector<std::uint8_t> is_made_;
+  std::vector<double> columns_, diagonal_;
 };
 
 Task prepared(const Clip& clip, const Motions& motions, const Panel& smooth, std::size_t most, std::size_t begin,
@@ -175,6 +202,7 @@ double WeightFit::improve(const Motions& motions, WeightRows& weights, const Pro
     parallel_for(tasks, 1, [&](std::size_t first, std::size_t last) {
       SimplexLeastSquares solver;
       System system;
+      Eigen::VectorXd b, x;
       for (std::size_t t = first; t < last; ++t) {
         stop_if_cancelled(progress);
         const std::size_t begin = t * kPoints, end = std::min(begin + kPoints, points);
@@ -183,44 +211,36 @@ double WeightFit::improve(const Motions& motions, WeightRows& weights, const Pro
         for (std::size_t p = begin; p < end; ++p) {
           const std::span<const std::int32_t> chosen = task.chosen_at(p - begin);
           const auto n = static_cast<Eigen::Index>(chosen.size());
-          system.resize(chosen.size());
-          auto g = system.matrix(), exact = system.exact_matrix();
-          auto b = system.right_side(), x = system.weights();
-          for (Eigen::Index i = 0; i < n; ++i) {
-            for (Eigen::Index k = 0; k <= i; ++k) {
-              const auto block = squares.block<4, 4>(4 * chosen[i], 4 * chosen[k]);
-              g(i, k) = g(k, i) = clip_.rest[p].dot(block * clip_.rest[p]);
-            }
-          }
+          system.begin(squares, clip_.rest[p], chosen);
+          x.setZero(n);
           const auto moved = task.moved_at(p - begin);
           b = moved;
           const float* const target = smooth.row(p);
           const bool is_known = std::any_of(target, target + joints, [](float w) { return w > 0; });
-          const double own_pull = std::max(is_known ? pull : 0.0, 1e-12 * g.diagonal().maxCoeff());
-          exact = g;
-          for (Eigen::Index i = 0; i < n; ++i) {
-            g(i, i) += own_pull;
-            if (is_known) b[i] += own_pull * target[chosen[i]];
-          }
+          const double own_pull = std::max(is_known ? pull : 0.0, 1e-12 * std::ranges::max(system.diagonal()));
+          system.pull(own_pull);
+          for (Eigen::Index i = 0; i < n && is_known; ++i) b[i] += own_pull * target[chosen[i]];
           // Begins with the weights of before, in the order of the joints.
-          x.setZero();
           const std::size_t row = p * weights.width;
           for (std::size_t i = row; i < row + weights.width; ++i) {
             if (weights.weights[i] == 0) continue;
             const auto found = std::lower_bound(chosen.begin(), chosen.end(), weights.joints[i]);
             if (found != chosen.end() && *found == weights.joints[i]) x[found - chosen.begin()] = weights.weights[i];
           }
-          solver.solve_sparse(g, b, static_cast<int>(settings_.max_influences), x);
+          solver.solve_sparse(system, b, static_cast<int>(settings_.max_influences), x);
           std::size_t place = row;
+          double product = 0;  // x^T G x
           for (Eigen::Index i = 0; i < n; ++i) {
-            if (x[i] > 0) weights.joints[place] = chosen[i], weights.weights[place++] = x[i];
+            if (x[i] == 0) continue;
+            weights.joints[place] = chosen[i], weights.weights[place++] = x[i];
+            product += x[i] * x.dot(Eigen::VectorXd::Map(system.column(i).data(), n));
           }
           std::fill(weights.weights.begin() + static_cast<std::ptrdiff_t>(place),
                     weights.weights.begin() + static_cast<std::ptrdiff_t>(row + weights.width), 0.0);
           const double square = Eigen::VectorXf::Map(clip_.row(p), static_cast<Eigen::Index>(clip_.numbers()))
                                     .cast<double>()
                                     .squaredNorm();
-          left[p] = std::max(0.0, square - 2 * x.dot(moved) + x.dot(exact.lazyProduct(x)));
+          left[p] = std::max(0.0, square - 2 * x.dot(moved) + product - own_pull * x.squaredNorm());
         }
       }
     });

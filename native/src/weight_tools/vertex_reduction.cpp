@@ -194,7 +194,8 @@ Eigen::VectorXd VertexReduction::fit(const std::vector<int>& kept, const Eigen::
   const Eigen::VectorXd b = pull * near(kept);
   g.diagonal().array() += pull;
   Eigen::VectorXd own = Eigen::VectorXd::Constant(b.size(), 1.0 / static_cast<double>(b.size()));
-  solver_.solve(g, b, own);
+  WholeGram whole(g);
+  solver_.solve(whole, b, own);
   Eigen::VectorXd all = Eigen::VectorXd::Zero(shares_.size());
   all(kept) = own;
   return all;
