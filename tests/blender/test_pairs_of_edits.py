@@ -129,7 +129,7 @@ def saved():
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 10
     scene.render.engine = "CYCLES"
-    scene.cycles.samples = 1
+    scene.cycles.samples, scene.cycles.use_denoising = 1, False
     scene.render.resolution_x = scene.render.resolution_y = 4
     cast = Animated(scene)
     for who, character in zip(("one", "other"), both(cast)):

@@ -195,7 +195,9 @@ class Characters:
         scene.frame_set(1)
 
     def tick(self):
-        addon_module("frozen.handlers").freeze_again()
+        handlers = addon_module("frozen.handlers")
+        handlers._paused_until = 0.0
+        handlers.freeze_again()
 
     def settle(self):
         """What the timer does until nothing is left to do."""
@@ -231,6 +233,29 @@ def test_a_timer_asks_nothing_of_a_file_at_rest(characters):
             characters.tick()
             addon_module("main.handlers").look_into_the_mail()
             addon_module("ui.onion_skins").fill()
+
+
+@pytest.mark.parametrize("is_done", (False, True), ids=("accelerating", "comparing"))
+def test_a_timer_pauses_for_longer_than_a_step_has_taken(characters, monkeypatch, is_done):
+    """However long Blender takes to build relations, there is time for whoever works."""
+    handlers, clock, steps = addon_module("frozen.handlers"), [100.0], []
+
+    def step(*_):
+        steps.append(clock[0])
+        clock[0] += 2.0
+        return True
+
+    monkeypatch.setattr(handlers, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(handlers, "_accelerate", step)
+    monkeypatch.setattr(handlers, "_paused_until", 0.0)
+    monkeypatch.setattr(handlers, "_tried", handlers._tried)
+    for _ in range(200):
+        handlers._has_accelerated = is_done
+        handlers.freeze_again()
+        clock[0] += 1.0
+    pause = 2.0 * (handlers.PAUSE_AFTER_COMPARING if is_done else handlers.PAUSE_AFTER_STEP)
+    assert len(steps) > 2
+    assert all(after - before >= 2.0 + pause for before, after in zip(steps, steps[1:]))
 
 
 def test_a_timer_looks_at_idle_rigs_no_further_after_an_edit(characters):

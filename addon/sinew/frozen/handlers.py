@@ -1,6 +1,7 @@
 """Blender's callbacks for frozen armatures."""
 
 import logging
+from time import perf_counter
 from typing import Any
 
 import bpy
@@ -17,6 +18,10 @@ LOOKS_BEFORE_COMPARING = 10  # without anything to do
 _tried = (0, False)  # the number of evaluations at the last attempt, and whether the scene played
 _has_accelerated = False  # all that can be done without another evaluation
 _looks = 0  # since then
+# Blender builds relations anew after each such step, which takes half a second for ten thousand objects. So many times
+# as long as a step has taken nothing is done: accelerating takes a fifth of the time, comparing more a thirtieth.
+PAUSE_AFTER_STEP, PAUSE_AFTER_COMPARING = 4, 29
+_paused_until = 0.0  # as perf_counter counts
 # In the background: whoever has changed so many frames changes more, and it pays to read the rigs.
 FRAMES_AHEAD = 24
 FRAMES_LOOKED_AT = 3  # the last of these: a rig that somebody edits before one of them is not read
@@ -91,7 +96,7 @@ def freeze_again() -> float:
     """Freezes again what is wanted frozen and is not selected, as a timer. While the scene plays only what was thawed
     together with another one, which takes one building of relations. If nothing has been evaluated since the last call,
     accelerates rigs. Returns the seconds until the next call."""
-    global _tried, _has_accelerated, _looks
+    global _tried, _has_accelerated, _looks, _paused_until
     context = bpy.context
     if context.window is None or evaluations.is_job_running():
         _tried = (-1, False)  # what has to wait for a job is tried after it
@@ -104,12 +109,18 @@ def freeze_again() -> float:
             log.exception("nothing could be frozen again")
         _tried, _has_accelerated, _looks = (playing.evaluation_count(), is_playing), False, 0
     elif context.scene.sinew_accelerates_rigs and not (is_playing or getattr(context.window, "modal_operators", ())):
+        start = perf_counter()
+        if start < _paused_until:
+            return SECONDS_BETWEEN_LOOKS
         was_done, _has_accelerated = _has_accelerated, True
         try:
             if _accelerate(context.scene, context.view_layer, was_done):
                 notice.redraw()
+                context.view_layer.update()  # which drawing would do
         except Exception:
             log.exception("no rig could be accelerated")
+        end = perf_counter()
+        _paused_until = end + (end - start) * (PAUSE_AFTER_COMPARING if was_done else PAUSE_AFTER_STEP)
         _tried = playing.evaluation_count(), is_playing
     return SECONDS_BETWEEN_LOOKS
 
