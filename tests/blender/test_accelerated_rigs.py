@@ -403,6 +403,12 @@ def test_what_is_read_again_after_an_edit_is_compared_with_the_edit(cast, misrea
         cast.play([4, 5, 3])
         wait(cast)
         assert cast.rig.is_frozen == (time == 1), cast.rig.reason
+    for armature, *_ in both(cast):
+        armature.data.bones["bone2"].inherit_scale = "NONE"
+    cast.play([4, 5, 3])
+    wait(cast)
+    assert cast.rig.is_frozen, "it is computed again when it has other settings"
+    cast.play()
 
 
 @pytest.fixture

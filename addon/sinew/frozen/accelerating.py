@@ -9,7 +9,7 @@ from typing import Any
 from ..blender import armatures, dependencies
 from ..rig_programs import reading
 from ..run import characters
-from . import comparing, elsewhere, freezing, playing, reasons, resting, rigs
+from . import changes, comparing, elsewhere, freezing, playing, reasons, resting, rigs
 
 # A rig with less to compute costs less than what it takes to write its pose into Blender. A constraint or a driver
 # counts for as much as a bone.
@@ -72,6 +72,9 @@ def _step(scene: Any, layer: Any, number: int) -> bool:
             return True
     own = [rigs.learn(ob) for ob in _found_by(number, layer)]
     own = [rig for rig in own if not rig.is_idle and (rig.needs_program or not rig.is_wanted)]
+    for rig in own:
+        if rig.tried_at != number:
+            changes.trust_again(rig)
     own = [rig for rig in own if not rig.stays_live and not rig.is_distrusted and rig.ob.mode in ("OBJECT", "POSE")]
     own = [rig for rig in own if not rig.rest.left and (rig.tries == 0 or rig.tried_at != number)]
     due = [rig for rig in own if rig.tries_to_skip == 0]

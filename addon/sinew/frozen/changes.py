@@ -6,6 +6,7 @@ from typing import Any
 
 from ..blender import armatures, dependencies, values
 from ..host import evaluations
+from ..rig_programs import edits
 from . import differences, followers, rigs, stored_keys, watch
 from .followers import Followers
 from .keys import Keys, keys_of
@@ -180,10 +181,18 @@ def drop_all(rig: rigs.Rig) -> None:
 
 def differ(rig: rigs.Rig) -> None:
     """Drops an armature whose program has computed something else than Blender. If it is the second time, it is not
-    computed any more."""
+    computed any more until it has other settings."""
     rig.is_distrusted, rig.has_differed = rig.has_differed, True
+    rig.distrusted = edits.settings_of(rig.ob) if rig.is_distrusted else None
     rig.is_posable = rig.is_posable and not rig.is_distrusted
     drop_all(rig)
+
+
+def trust_again(rig: rigs.Rig) -> None:
+    """Lets an armature be computed that has been given other settings than it had when its program differed."""
+    if rig.is_distrusted and rig.distrusted is not None:
+        found = edits.settings_of(rig.ob)
+        rig.is_distrusted = found is None or found == rig.distrusted
 
 
 def drop(rig: rigs.Rig, ranges: list[tuple[float, float]]) -> None:

@@ -84,6 +84,7 @@ class Rig:
     source: Source = field(default_factory=Source)
     last: Any = None  # what its last program was read from, see computing.py
     is_distrusted: bool = False  # a moment that was computed was not what Blender has evaluated
+    distrusted: Any = None  # as rig_programs.edits.settings_of returned it then
     is_posable: bool = False  # it may be POSED: such a program was proven
     needs_program: bool = False  # it is wanted frozen only if it is computed, see accelerating.py
     stays_live: bool = False  # somebody has thawed it

@@ -152,6 +152,13 @@ def _modifiers_of(curve: bpy.types.FCurve) -> Any:
         return str(reason)
 
 
+def settings_of(ob: bpy.types.Object) -> Any:
+    """Returns what is equal at two times if the bones, constraints, drivers, action and strips of an armature object
+    have the same settings, wherever it is and however it is posed. None if that cannot be told."""
+    found = _state(ob)
+    return None if found is None else found[:-1]
+
+
 def _state(ob: bpy.types.Object) -> Any:
     """Returns what is equal at two times if all that an armature object is read from is, except for how it is posed,
     its custom properties, its keyframes, and what comes from outside. None if that cannot be told."""
