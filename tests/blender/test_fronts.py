@@ -1,6 +1,8 @@
 """Modifiers before the Armature modifier that make other vertices: a canvas evaluates them once, Sinew deforms their
 result, and it is as that of a twin that Blender deforms."""
 
+import ctypes
+
 import bpy
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from helpers import (
     assert_same_shape,
     data_counts,
     depsgraph,
+    evaluated,
     into_a_shot,
     reopened,
     select,
@@ -75,8 +78,58 @@ TABLE = {
     "decimate": [("DECIMATE", {"ratio": 0.5})],
     "array": [("ARRAY", {"count": 2})],
     "two": [("MIRROR", {"use_axis": (True, False, False)}), ("SUBSURF", {"levels": 1})],
+    "mirror merged": [("MIRROR", {"use_axis": (True, False, False), "merge_threshold": 0.3})],
     "only in renders": [("SUBSURF", {"levels": 1, "show_viewport": False}), ("TRIANGULATE", {})],
 }
+
+
+def hidden_byte(modifier, name):
+    """A setting that Blender's API does not show."""
+    kind = addon_module("host.members").MODIFIERS[modifier.type]
+    offset = addon_module("host.layout").structs()[kind].offset(name)
+    return ctypes.c_byte.from_address(modifier.as_pointer() + offset)
+
+
+@pytest.mark.parametrize("is_behind", (False, True), ids=("before", "behind"))
+def test_a_mirror_from_before_3_0_keeps_its_order(fresh_scene, is_behind):
+    """Blender merges its vertices in another order than those of a new one, and its API does not show that."""
+
+    def make_old(ob):
+        for modifier in ob.modifiers:
+            if modifier.type == "MIRROR":
+                hidden_byte(modifier, "use_correct_order_on_merge").value = 0
+                if is_behind:
+                    ob.modifiers.move(ob.modifiers.find(modifier.name), len(ob.modifiers) - 1)
+
+    ours, new = (character_with(*TABLE["mirror merged"], add=add)[0] for add in (make_old, None))
+    shapes = [evaluated(each[1]) for each in (ours, new)]
+    assert is_behind or not np.array_equal(*shapes), "nothing shows the order"
+    pairs = bound([ours])
+    assert_all_same(pairs)
+    assert are_deforming(pairs) == [True]
+
+
+@pytest.mark.parametrize("kind", sorted(addon_module("host.members").MODIFIERS))
+def test_a_copy_of_a_modifier_has_what_the_api_does_not_show(fresh_scene, kind):
+    modifiers, contract = addon_module("blender.modifiers"), addon_module("host.contract")
+    own, other = (bpy.data.objects.new(name, bpy.data.meshes.new(name)) for name in ("own", "other"))
+    modifier = own.modifiers.new("", kind)
+    shown = modifiers.settings_of(modifier)
+    regions = contract.plain_regions(
+        addon_module("host.members").MODIFIERS[kind], *addon_module("host.modifier_bytes")._WITHOUT
+    )
+    hidden = 0
+    for offset, size in regions:
+        for address in range(modifier.as_pointer() + offset, modifier.as_pointer() + offset + size):
+            byte = ctypes.c_ubyte.from_address(address)
+            before, byte.value = byte.value, byte.value ^ 1
+            if modifiers.settings_of(modifier) == shown:
+                made = modifiers.copy(modifier, other)
+                assert modifiers.content_of(made) == modifiers.content_of(modifier)
+                other.modifiers.clear()
+                hidden += 1
+            byte.value = before
+    assert hidden > 0
 
 
 @pytest.mark.parametrize("fronts", TABLE.values(), ids=TABLE.keys())

@@ -4,6 +4,8 @@ from typing import Any
 
 import bpy
 
+from ..host import modifier_bytes
+
 _BESIDE_RESULT = {
     "name",
     "is_active",
@@ -29,9 +31,15 @@ def settings_of(modifier: bpy.types.Modifier) -> dict[str, Any]:
     return found
 
 
+def content_of(modifier: bpy.types.Modifier) -> tuple[dict[str, Any], bytes]:
+    """Returns the settings that decide a modifier's result, and what Blender's API does not show of them."""
+    return settings_of(modifier), modifier_bytes.read(modifier)
+
+
 def copy(modifier: bpy.types.Modifier, ob: bpy.types.Object) -> bpy.types.Modifier:
     """Adds a modifier with the same name and result to an object, behind all that it has. Returns it."""
     made = ob.modifiers.new(modifier.name, modifier.type)
     for setting, value in settings_of(modifier).items():
         setattr(made, setting, value)
+    modifier_bytes.copy(modifier, made)
     return made

@@ -38,6 +38,7 @@ CAGE = "Mesh Deform"
 DRIVEN = "Driven settings"
 DRIVERS = "Drivers of data"
 MUTING = "Muting"
+WHOLE = "Modifiers as a whole"
 FAST = "Fast path"
 FAST_ARMATURES = "Fast path of armatures"
 FAST_KEYS = "Fast path of shape keys"
@@ -130,6 +131,11 @@ FEATURES = {
         "Blender goes on calling Sinew for meshes that it deforms itself, which takes longer",
         "FCurve.flag",
         compared="the bit that mutes a driver",
+    ),
+    WHOLE: Feature(
+        "Blender evaluates modifiers that make other vertices; with one before the armature, the whole mesh",
+        " ".join(members.MODIFIERS.values()),
+        compared="what the API shows of the copy",
     ),
     FAST: Feature("all meshes " + _FULL, "ID.*orig_id Object.mode DriverTarget.*id", (DEFORMING,)),
     FAST_ARMATURES: Feature(

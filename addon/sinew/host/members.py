@@ -92,6 +92,19 @@ CONSTRAINTS = {
     "TRACK_TO": "bTrackToConstraint",
     "TRANSFORM": "bTransformConstraint",
 }
+# The struct of a type of modifier that is copied as a whole.
+MODIFIERS = {
+    "ARRAY": "ArrayModifierData",
+    "BEVEL": "BevelModifierData",
+    "DECIMATE": "DecimateModifierData",
+    "EDGE_SPLIT": "EdgeSplitModifierData",
+    "MASK": "MaskModifierData",
+    "MIRROR": "MirrorModifierData",
+    "SOLIDIFY": "SolidifyModifierData",
+    "SUBSURF": "SubsurfModifierData",
+    "TRIANGULATE": "TriangulateModifierData",
+    "WELD": "WeldModifierData",
+}
 # A pointer's name begins with "*". The type of a pointer is omitted if it differs between Blender versions.
 MEMBERS: dict[str, dict[str, Member]] = {
     "ID": {"*orig_id": _pointer("ID", shown="original"), "recalc": _int(), "us": _int()},
@@ -215,6 +228,7 @@ MEMBERS: dict[str, dict[str, Member]] = {
         "period": _float(),
     },
     "ModifierData": {"mode": _int()},
+    **{kind: {"modifier": Member("ModifierData", None, 0)} for kind in MODIFIERS.values()},
     "ArmatureModifierData": {
         "deformflag": _short(),
         "multi": _short(),

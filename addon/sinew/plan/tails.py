@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, meshes, modifier_types, modifiers, nodes
-from ..host import deform_verts, switches
+from ..host import deform_verts, modifier_bytes, switches
 
 # Without one of these it is not worth the search for a bake: the others cost Blender little.
 _DEAR = {"ARRAY", "EDGE_SPLIT", "MIRROR", "SUBSURF"}
@@ -85,7 +85,7 @@ def digest(ob: bpy.types.Object, names: Iterable[str]) -> str:
     tail = [ob.modifiers.get(name) for name in names]
     if None in tail:
         return ""
-    found = hashlib.blake2b(repr([(each.type, modifiers.settings_of(each)) for each in tail]).encode(), digest_size=16)
+    found = hashlib.blake2b(repr([(each.type, modifiers.content_of(each)) for each in tail]).encode(), digest_size=16)
     arrays = [*meshes.read_topology(mesh)]
     for name in sorted(READ & set(mesh.attributes.keys())):
         arrays.append(meshes.read_values(mesh.attributes[name]))
@@ -111,6 +111,8 @@ def why_not(modifier: Any, is_animated: bool) -> str:
     kind = modifier.type
     if kind not in modifier_types.TAILS:
         return "its result is no weighted sum of the vertices before it"
+    if not modifier_bytes.can_copy():
+        return "Sinew cannot copy it in this Blender"
     if is_animated:
         return "it is animated"
     used = next((each for each in modifiers.settings_of(modifier).values() if isinstance(each, bpy.types.ID)), None)
