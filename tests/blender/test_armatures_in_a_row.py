@@ -213,6 +213,25 @@ def test_something_between_that_sinew_steps_over(fresh_scene, before, is_mixed):
     assert stages(ob) == ["Face"] and is_deforming(ob)
 
 
+@pytest.mark.parametrize("before", (nothing, add_shape_keys), ids=lambda part: part.__name__)
+@pytest.mark.parametrize("later", (nothing, volume), ids=lambda part: part.__name__)
+def test_one_without_an_object_comes_first(fresh_scene, before, later):
+    """Importers leave such, and Blender ignores them, until somebody chooses an object."""
+    ob = make_body()
+    before(ob)
+    later(ob)
+    ob.modifiers.new("Empty", "ARMATURE")
+    ob.modifiers.move(len(ob.modifiers) - 1, 0)
+    ob, twin = with_twin(ob)
+    assert is_deforming(ob), addon_module("run.characters").character(ob).way.reason
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(1, 9))
+    for chosen in (ob.modifiers["Armature"].object, None):
+        for each in (ob, twin):
+            each.modifiers["Empty"].object = chosen
+        assert_same_on_all_frames(fresh_scene, ob, twin, range(1, 9))
+        assert is_deforming(ob) == (chosen is None)
+
+
 def test_objects_that_share_a_mesh(fresh_scene):
     """Each has a face of its own."""
     first = make_body()

@@ -17,7 +17,7 @@ def of(modifiers: Sequence[Modifier], taken: Sequence[str]) -> tuple[Modifier, .
     for modifier in modifiers if taken else ():
         if modifier.name == taken[0]:
             break
-        if not modifier.is_own and modifier.is_shown:
+        if not modifier.is_own and not modifier.does_nothing:
             found.append(modifier)
     return () if all(modifier.keeps_shape for modifier in found) else tuple(found)
 

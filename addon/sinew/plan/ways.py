@@ -114,10 +114,10 @@ def _why_not_first(situation: Situation) -> str:
     for modifier in situation.modifiers if taken else ():
         if modifier.name in taken:
             break
-        if modifier.is_own or not modifier.is_shown or modifier.is_beside_shape:
+        if modifier.is_own or modifier.does_nothing or modifier.is_beside_shape:
             continue
         where = ", in the library" if situation.is_linked or modifier.is_fixed else ""
-        if modifier.type == "ARMATURE" and not modifier.lacks_target and situation.is_bound:
+        if modifier.type == "ARMATURE" and situation.is_bound:
             return (
                 f"{modifier.full_name} comes before {taken[0]}, with which Sinew began: unbind the mesh and accelerate "
                 f"it again, so that Sinew begins with {modifier.name}{where}"
@@ -233,7 +233,7 @@ def _is_idle_before(situation: Situation, stages: Sequence[str]) -> bool:
     for modifier in situation.modifiers:
         if modifier.name in situation.taken or modifier.name in stages:
             break
-        if not modifier.is_own and modifier.is_shown:
+        if not modifier.is_own and not modifier.does_nothing:
             return False
     return True
 
