@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mathutils import Euler
 
-from characters import make_armature
+from characters import make_armature, make_mesh, pose
 from helpers import addon_module, depsgraph, evaluated, into_a_shot, needs_rig_programs, select
 from test_frozen import EDITS, FRAMES, freezing, layer, opened_cast, recorded
 from test_frozen_computed import key, move, state, undo_a_pose
@@ -1318,3 +1318,29 @@ def test_a_scene_is_chosen_while_something_waits_to_be_removed(cast, edit):
     assert "Removed" not in bpy.data.objects
     accelerate(cast)
     cast.play([6, 2])
+
+
+@pytest.mark.parametrize("fewest", ({}, {"ATTRIBUTE": 3000}), ids=("large", "small"))
+def test_rigs_are_native_however_small_their_meshes_are(fresh_scene, monkeypatch, fewest):
+    """Whether they were bound one by one or all at once. What counts is the rig's work."""
+    monkeypatch.setattr(addon_module("plan.ways"), "FEWEST_VERTICES", fewest)
+    monkeypatch.setattr(accelerating(), "LEAST_WORK", 3)
+    fresh_scene.frame_end = 10
+    armatures, meshes = [], []
+    for _ in range(3):
+        armature = make_armature()
+        meshes += [make_mesh(armature, False), make_mesh(armature, True)]
+        for frame in (1, 10):
+            pose(armature, frame, False)
+        armatures.append(armature)
+    select(*meshes)
+    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+    assert sum(ob.sinew.is_bound for ob in meshes) == (3 if fewest else 6)
+    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+    assert sum(ob.sinew.is_bound for ob in meshes) == (3 if fewest else 6), "one is enough"
+    assert set(accelerating()._armatures(layer())) == set(armatures)
+    monkeypatch.setattr(accelerating(), "LEAST_WORK", 1000)
+    for ob in meshes:
+        addon_module("install.bind").unbind(ob)
+    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+    assert sum(ob.sinew.is_bound for ob in meshes) == (0 if fewest else 6)

@@ -149,6 +149,13 @@ def _armatures(layer: Any) -> list[Any]:
     return rigs.moving(list(dict.fromkeys((*due, *worth))))
 
 
+def needs_a_mesh(ob: Any) -> bool:
+    """Whether an armature object would be accelerated if one of its meshes were bound, and none is."""
+    if ob is None or _work(ob) < LEAST_WORK:
+        return False
+    return not any(ob in armatures.of_modifiers(each) for each in characters.known())
+
+
 def _waits(ob: Any) -> bool:
     """Whether to find what an armature object follows would not help it now."""
     rig = rigs.get(ob)

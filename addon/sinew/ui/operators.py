@@ -1,13 +1,14 @@
 """Operators for binding and for bound meshes. Each reads its properties, calls one function and reports the result."""
 
 from functools import partial
+from typing import Any
 
 import bpy
 from bpy.props import EnumProperty
 
 from ..clips import clip_store
 from ..feedback import progress
-from ..frozen import freezing
+from ..frozen import accelerating, freezing
 from ..install import bind
 from ..main import properties, whole_frames
 from ..plan import bindable
@@ -49,7 +50,8 @@ class Bind(bpy.types.Operator):
         return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and bool(selected_meshes(context))
 
     def execute(self, context):
-        bound, small, problems = 0, 0, []
+        bound, problems = 0, []
+        small: dict[Any, list[Any]] = {}  # by armature
         meshes = selected_meshes(context)
         with progress.shown(context) as shown:
             for number, ob in enumerate(meshes):
@@ -58,16 +60,20 @@ class Bind(bpy.types.Operator):
                 armature = bindable.armature_to_begin_with(ob, chosen) if chosen else bindable.armature_to_bind(ob)
                 try:
                     if len(meshes) > 1 and self.output == "MODIFIER" and bindable.is_too_small(ob, armature):
-                        small += 1
+                        small.setdefault(armature, []).append(ob)
                         continue
                     bind.bind(ob, armature, self.output)
                     bound += 1
                 except bindable.BindingError as error:
                     problems.append(str(error))
+        for armature, own in small.items():
+            if accelerating.needs_a_mesh(armature):  # which Blender goes on deforming, with a rig that Sinew computes
+                bind.bind(max(own, key=lambda ob: len(ob.data.vertices)), armature, self.output)
         for problem in problems:
             self.report({"WARNING" if bound else "ERROR"}, problem)
         if bound > 1 or small:
-            left = f"; {small} with few vertices are left to Blender, which is faster there" if small else ""
+            count = sum(map(len, small.values()))
+            left = f"; {count} with few vertices are left to Blender, which is faster there" if small else ""
             self.report({"INFO"}, f"Sinew deforms {bound} meshes{left}")
         return {"FINISHED"} if bound or small else {"CANCELLED"}
 
