@@ -88,6 +88,12 @@ def with_parents(objects: Iterable[Any]) -> list[Any]:
     return list(found)
 
 
+def constraints_of(owner: Any) -> list[Any]:
+    """Returns the constraints of an object or a pose bone, without those of types that this Blender does not know, as
+    files of other versions have: it evaluates none of them."""
+    return [each for each in owner.constraints if isinstance(each, bpy.types.Constraint)]
+
+
 def read_by(curve: Any) -> list[Any]:
     """Returns the data-blocks that a driver reads."""
     return [target.id for variable in curve.driver.variables for target in variable.targets if target.id is not None]
@@ -102,7 +108,7 @@ def outside_of(armature: Any) -> list[Any]:
     """Returns the other objects that the bones of an armature object follow by constraints and drivers."""
     found: dict[Any, None] = {}
     for bone in armature.pose.bones if armature.pose is not None else ():
-        for constraint in bone.constraints:
+        for constraint in constraints_of(bone):
             found.update(dict.fromkeys(targets_of(constraint)))
     for curve in drivers_of_both(armature):
         found.update(dict.fromkeys(each for each in read_by(curve) if isinstance(each, bpy.types.Object)))
@@ -161,6 +167,6 @@ def reaching(
 
 def followed_by(ob: Any) -> list[Any]:
     """Returns the objects that one follows by its parent, constraints and Armature modifiers."""
-    found = [ob.parent, *(target for each in ob.constraints for target in targets_of(each))]
+    found = [ob.parent, *(target for each in constraints_of(ob) for target in targets_of(each))]
     found += [each.object for each in ob.modifiers if each.type == "ARMATURE"]
     return [each for each in found if each is not None]

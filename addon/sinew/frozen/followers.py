@@ -205,7 +205,7 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any, outside_of: Callab
 def _hangs_on(ob: Any, rig: Any) -> bool:
     """Whether bones of an armature say where an object is."""
     is_child = ob.parent == rig and ob.parent_type == "BONE"
-    return is_child or any(rig in dependencies.targets_of(each) for each in ob.constraints)
+    return is_child or any(rig in dependencies.targets_of(each) for each in dependencies.constraints_of(ob))
 
 
 def not_still(objects: Iterable[Any], rig: Any) -> list[Any]:
@@ -236,7 +236,7 @@ def _may_move_alone(ob: Any, rig: Any) -> bool:
     return (
         data is not None
         and (data.action is not None or bool(drivers) or bool(data.nla_tracks))
-        or any(each.type in TIMED for owner in (ob, *bones) for each in owner.constraints)
+        or any(each.type in TIMED for owner in (ob, *bones) for each in dependencies.constraints_of(owner))
         or any(each.type != "ARMATURE" and not (is_own and each.type == "NODES") for each in ob.modifiers)
         or ob.rigid_body is not None
         or getattr(ob.data, "animation_data", None) is not None
@@ -287,7 +287,7 @@ def constraints_on(rig: Any, targets: Sequence[Any]) -> list[tuple[Any, list[Any
     found = [
         (constraint, [each for each in dependencies.targets_of(constraint) if each in targets])
         for bone in (rig.pose.bones if targets else ())
-        for constraint in bone.constraints
+        for constraint in dependencies.constraints_of(bone)
     ]
     return [each for each in found if each[1]]
 
@@ -308,7 +308,7 @@ def check_place(rig: Any) -> None:
         raise NotFreezable(
             f"{rig.name} itself is animated ({listed(own)}), not only its bones: animate its root bone instead"
         )
-    if rig.constraints:
+    if dependencies.constraints_of(rig):
         raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
     if rig.parent is not None and rig.parent.type == "ARMATURE" and rig.parent_type == "OBJECT":
         check_place(rig.parent)

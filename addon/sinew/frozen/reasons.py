@@ -198,7 +198,7 @@ def check(rig: Any, layer: Any) -> list[Any]:
     for curve in dependencies.drivers_of_both(rig):
         _check_driver(rig, curve)
     for bone in rig.pose.bones:
-        timed = next((each for each in bone.constraints if each.type in followers.TIMED), None)
+        timed = next((each for each in dependencies.constraints_of(bone) if each.type in followers.TIMED), None)
         if timed is not None:
             raise NotFreezable(f"{timed.name} of {rig.name}'s bone {bone.name} may change on each frame by itself")
     followers.check_moving(rig, moving, layer)

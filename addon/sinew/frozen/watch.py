@@ -237,5 +237,5 @@ def own_action(rig: Any) -> Any:
     data = rig.animation_data
     if data is None or data.action is None or animation.plays_strips(data):
         return None
-    others = [each for bone in rig.pose.bones for each in bone.constraints if each.type == "ACTION"]
+    others = [each for bone in rig.pose.bones for each in dependencies.constraints_of(bone) if each.type == "ACTION"]
     return None if any(each.action == data.action for each in others) else data.action

@@ -61,7 +61,7 @@ def kinds_of_constraints(ob: bpy.types.Object) -> Any:
     """Returns a value that is equal at two times if the bones of an original armature object have constraints of the
     same types."""
     if not _can_read(ob):
-        return [[constraint.type for constraint in bone.constraints] for bone in ob.pose.bones]
+        return [[getattr(each, "type", "") for each in bone.constraints] for bone in ob.pose.bones]
     return _kinds().bytes_of_list(ob.pose.bones[0].as_pointer())
 
 
@@ -75,7 +75,8 @@ def _can_read(ob: bpy.types.Object) -> bool:
     if not contract.has(features.POSED) or not len(ob.pose.bones):
         return False
     if proof.is_due("constraints of poses"):
-        bone = next((each for each in ob.pose.bones if len(each.constraints)), None)
+        bones = (each for each in ob.pose.bones if len(each.constraints))
+        bone = next((each for each in bones if isinstance(each.constraints[0], bpy.types.Constraint)), None)
         if bone is not None:
             first: Any = bone.constraints[0]
             at = contract.offset("bPoseChannel", "constraints") + contract.offset("ListBase", "*first")

@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation, meshes, modifier_types, modifiers, nodes
+from ..blender import animation, dependencies, meshes, modifier_types, modifiers, nodes
 from ..host import deform_verts, modifier_bytes, switches
 
 # Without one of these it is not worth the search for a bake: the others cost Blender little.
@@ -64,7 +64,8 @@ def _may_read(user: Any, ob: bpy.types.Object) -> bool:
         return True
     if any(each.type == "NODES" or ob in modifiers.settings_of(each).values() for each in user.modifiers):
         return True
-    constraints = [user.constraints, *(bone.constraints for bone in (user.pose.bones if user.pose is not None else ()))]
+    owners = user, *(user.pose.bones if user.pose is not None else ())
+    constraints = map(dependencies.constraints_of, owners)
     return any(_reads_vertices(each, ob) for own in constraints for each in own)
 
 

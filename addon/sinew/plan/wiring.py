@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ..blender import animation, meshes, values
+from ..blender import animation, dependencies, meshes, values
 from ..host import driver_bytes
 from . import driver_variables
 
@@ -236,7 +236,7 @@ def _before(armature: bpy.types.Object, bones: Iterable[bpy.types.Bone]) -> set[
     solved = {
         name
         for bone in (armature.pose.bones if armature.pose is not None else ())
-        if any(constraint.type in SOLVERS for constraint in bone.constraints)
+        if any(constraint.type in SOLVERS for constraint in dependencies.constraints_of(bone))
         for name in (bone.name, *(parent.name for parent in bone.parent_recursive))  # however long the chain is
     }
     lines = ([bone, *bone.parent_recursive] for bone in bones)

@@ -8,6 +8,7 @@ from typing import Any
 
 import bpy
 
+from ..blender import dependencies
 from . import curves, paths, splines, tables, targets
 
 WORLD, CUSTOM = 0, 5  # spaces, as Blender numbers them
@@ -52,7 +53,7 @@ def constraints_of(
     known = tables.constraint_settings()
     for bone in itertools.compress(ob.pose.bones, [row["has_constraints"] for row in bones]):
         name = bone.name
-        for constraint in bone.constraints:
+        for constraint in dependencies.constraints_of(bone):
             try:
                 if (kind := constraint.type) not in known:
                     raise curves.Refused(f"the type {kind} is not covered")

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import animation, values
+from ..blender import animation, dependencies, values
 from ..host import bone_numbers, driver_bytes, keyframes, pose_settings
 from ..host import bones as bone_bytes
 from . import bones, curves, objects, paths, properties, reading, splines, strips, tables
@@ -30,7 +30,7 @@ class Known:
         is_clear = not read.targets.has_actions() and len(self._curves) == len(rows)
         self._state = _state(ob) if is_clear else None
         animated = {row["path"] for row in (*rows, *read.description["drivers"])} | {path for path, _index in mixed}
-        paths_of = [each.path_from_id() for bone in ob.pose.bones for each in bone.constraints]
+        paths_of = [each.path_from_id() for bone in ob.pose.bones for each in dependencies.constraints_of(bone)]
         self._is_written = [tuple(f"{path}.{name}" in animated for name in _WRITTEN) for path in paths_of]
         self._switches = list(self._read_switches(ob))
         self._modes, self._objects = self._read_modes(), self._read_objects()
@@ -76,7 +76,7 @@ class Known:
 
     def _read_switches(self, ob: bpy.types.Object) -> Iterator[tuple[Any, ...]]:
         """Yields influence, mute and validity of each constraint, None for what is written on each frame."""
-        constraints = (each for bone in ob.pose.bones for each in bone.constraints)
+        constraints = (each for bone in ob.pose.bones for each in dependencies.constraints_of(bone))
         for each, is_written in zip(constraints, self._is_written):
             own = each.influence, each.mute
             yield (*(None if known else value for value, known in zip(own, is_written)), each.is_valid)

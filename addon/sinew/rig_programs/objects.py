@@ -108,7 +108,7 @@ def _keyed(ob: bpy.types.Object) -> list[dict[str, Any]]:
 
 def _check(ob: bpy.types.Object) -> None:
     """Raises Refused if anything but keyframes and parents may say where an object is."""
-    if ob.constraints:
+    if dependencies.constraints_of(ob):
         raise curves.Refused(f"{ob.name} has constraints")
     if ob.rigid_body is not None:
         raise curves.Refused(f"{ob.name} is simulated")

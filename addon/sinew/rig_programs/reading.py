@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..blender import dependencies
 from ..host import bone_numbers
 from . import bones, constraints, curves, driven_keys, drivers, objects, properties, splines, strips, targets
 
@@ -69,7 +70,7 @@ def read(
         found.refused.append(f"{ob.data.name} shows its rest position: switch it to Pose Position")
     if ob.pose.ik_solver != "LEGACY":
         found.refused.append("the IK solver is iTaSC: choose the standard one")
-    if len(ob.constraints):
+    if dependencies.constraints_of(ob):
         found.refused.append(f"{ob.name} itself has constraints: apply or remove them")
     row, stored = bones.places_of(ob), bone_numbers.read(ob)
     rows = bones.bones_of(ob, row, stored, found)

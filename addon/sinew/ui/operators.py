@@ -1,7 +1,7 @@
 """Operators for binding and for bound meshes. Each reads its properties, calls one function and reports the result."""
 
+from collections import defaultdict
 from functools import partial
-from typing import Any
 
 import bpy
 from bpy.props import EnumProperty
@@ -51,7 +51,7 @@ class Bind(bpy.types.Operator):
 
     def execute(self, context):
         bound, problems = 0, []
-        small: dict[Any, list[Any]] = {}  # by armature
+        small = defaultdict(list)  # by armature
         meshes = selected_meshes(context)
         with progress.shown(context) as shown:
             for number, ob in enumerate(meshes):
@@ -60,7 +60,7 @@ class Bind(bpy.types.Operator):
                 armature = bindable.armature_to_begin_with(ob, chosen) if chosen else bindable.armature_to_bind(ob)
                 try:
                     if len(meshes) > 1 and self.output == "MODIFIER" and bindable.is_too_small(ob, armature):
-                        small.setdefault(armature, []).append(ob)
+                        small[armature].append(ob)
                         continue
                     bind.bind(ob, armature, self.output)
                     bound += 1
