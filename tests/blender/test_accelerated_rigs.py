@@ -1344,3 +1344,31 @@ def test_rigs_are_native_however_small_their_meshes_are(fresh_scene, monkeypatch
         addon_module("install.bind").unbind(ob)
     assert bpy.ops.object.sinew_bind() == {"FINISHED"}
     assert sum(ob.sinew.is_bound for ob in meshes) == (0 if fewest else 6)
+
+
+@pytest.mark.parametrize("kind", ("FULL_COPY", "LINK_COPY", "EMPTY"))
+def test_a_new_scene_does_not_have_relations_built_again(cast, monkeypatch, kind):
+    """Blender has built those of the new scene, calls the handlers, and evaluates. If relations were built once more in
+    between, as for a rig that has to be live, Blender 4.3 would now and then follow addresses in copies that it has not
+    made: a crash that random steps have found."""
+    accelerate(cast)
+    playing, relations, seen = addon_module("frozen.playing"), addon_module("host.relations"), []
+    tag = relations.tag
+
+    def note_scene(scene, *_):
+        seen.append(scene.name)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(playing, "_look", lambda *_: "it was edited" if seen else "")
+        patch.setattr(relations, "tag", lambda: seen.append("tagged") or tag())
+        bpy.app.handlers.frame_change_pre.insert(0, note_scene)
+        try:
+            bpy.ops.scene.new(type=kind)
+        finally:
+            bpy.app.handlers.frame_change_pre.remove(note_scene)
+    assert seen == [bpy.context.scene.name] != [cast.scene.name]
+    bpy.context.window.scene = cast.scene
+    layer().update()
+    cast.play()
+    wait(cast)
+    cast.play()

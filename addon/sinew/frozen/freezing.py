@@ -404,13 +404,17 @@ def _tag_relations(graph: Any) -> None:
     watch.wait_for(graph, tagged)
 
 
-def follow_tracks() -> None:
-    """Has Blender build relations if NLA tracks were muted or are no longer, from a handler. Those that it has built
-    while a track was muted, as after a thaw, lack its strips (5.2): their bones would be evaluated before them."""
+def follow_tracks(scene: Any) -> None:
+    """Has Blender build relations if NLA tracks of a scene were muted or are no longer, from a handler before its
+    evaluation. Those that it has built while a track was muted, as after a thaw, lack its strips (5.2): their bones
+    would be evaluated before them."""
     for rig in rigs.known():
+        graph = rig.graph()
+        if graph is None or graph.scene != scene:
+            continue
         before, rig.tracks = rig.tracks, rigs.tracks_of(rig.ob)
-        if before != rig.tracks and rig.graph() is not None:
-            _tag_relations(rig.graph())
+        if before != rig.tracks:
+            _tag_relations(graph)
 
 
 def melt_all() -> None:

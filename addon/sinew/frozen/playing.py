@@ -40,10 +40,12 @@ def _has_work() -> bool:
 
 
 def before_evaluation(scene: Any, is_new_frame: bool) -> None:
-    """Writes the recorded poses of the scene's frame, or thaws what cannot be shown from its record."""
+    """Writes the recorded poses of the scene's frame, or thaws what cannot be shown from its record. What another scene
+    shows waits for its own evaluation: if relations were built again before that of a scene which was just made,
+    Blender (4.3) would crash, see evaluations.are_new."""
     if not _has_work():
         return
-    freezing.follow_tracks()
+    freezing.follow_tracks(scene)
     changes.look_at_actions(rigs.idle())
     if watch.is_waiting():
         for graph in rigs.graphs(rigs.known()):
@@ -70,7 +72,7 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
         graph = own[0].graph()
         if graph is None:
             freezing.melt_all()
-        else:
+        elif graph.scene == scene:
             _play(own, graph, is_new_frame)
 
 
