@@ -721,6 +721,44 @@ def test_the_command_says_why_a_rig_is_refused(sinew, armature, tmp_path):
     assert 'cannot be a program: the constraint "Onto" of the bone "b": the type SHRINKWRAP is not covered' in out
 
 
+@pytest.mark.parametrize("how", ("eye", "monitor", "collection", "no scene"))
+def test_the_command_checks_a_hidden_rig(sinew, armature, tmp_path, how):
+    if how == "eye":
+        armature.hide_set(True)
+    elif how == "monitor":
+        armature.hide_viewport = True
+    else:
+        other = bpy.data.collections.new("Other")
+        other.objects.link(armature)
+        bpy.context.collection.objects.unlink(armature)
+        if how == "collection":
+            bpy.context.scene.collection.children.link(other)
+            bpy.context.view_layer.layer_collection.children["Other"].exclude = True
+    path = tmp_path / "rig.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    code, out, err = sinew("rig", path, "--check", "--frames", "4", "--random-poses", "2")
+    assert (code, err) == (0, ""), out
+    assert "frames: 6 of 6 equal\nrandom poses: 2 of 2 equal" in out
+
+
+@pytest.mark.parametrize("moves", (True, False), ids=("moves", "stays"))
+def test_the_command_refuses_a_rig_whose_parent_moves(sinew, armature, tmp_path, moves):
+    carriage = bpy.data.objects.new("Carriage", None)
+    bpy.context.collection.objects.link(carriage)
+    carriage.location.x = 3
+    armature.parent = carriage
+    if moves:
+        for frame in (1, 9):
+            carriage.location.x = frame
+            carriage.keyframe_insert("location", frame=frame)
+    path = tmp_path / "rig.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    code, out, _ = sinew("rig", path, "-o", tmp_path / "rig.json", "--check", "--frames", "4")
+    assert code == int(moves), out
+    assert ("Rig is a child of Carriage, which moves or may move" in out) == moves
+    assert bool(json.loads((tmp_path / "rig.json").read_text())["refused"]) == moves
+
+
 def test_the_command_fails_if_the_rig_is_computed_differently(sinew, rig_blend, monkeypatch):
     build = checking().program_of
 

@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..frozen import followers
 from ..rig_programs import checking, reading
 from ..rigs import skin_export
 
@@ -19,6 +20,9 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
     open_blend(options.path)
     ob = chosen_armature(options.object)
     read = reading.read(ob)
+    if ob.parent is not None and followers.not_still([ob.parent], ob):
+        moving = f"{ob.name} is a child of {ob.parent.name}, which moves or may move"
+        read.description["refused"].append(f"{moving}: clear the parent, and animate the root bone")
     document: dict[str, Any] = {"object": ob.name, "bones": len(ob.pose.bones)}
     lines = [f"{ob.name}: {len(ob.pose.bones):,} bones"]
     if options.output:
@@ -36,6 +40,7 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
     lines += [f"cannot be a program: {reason}" for reason in document["refused"]]
     if document["refused"] or not options.check:
         return document, "\n".join(lines), int(bool(document["refused"]))
+    _show(ob)
     program = checking.program_of(read)
     first = bpy.context.scene.frame_start
     times = [first + step for step in range(options.frames)] + [first + 0.25, first + 1.5]
@@ -51,6 +56,16 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
     lines += [f"  {difference}" for difference in different[:SHOWN]]
     document["differences"] = [str(difference) for difference in different]
     return document, "\n".join(lines), int(bool(different))
+
+
+def _show(ob: bpy.types.Object) -> None:
+    """Has Blender evaluate an armature object that is hidden."""
+    ob.hide_viewport = False
+    if bpy.context.scene.objects.get(ob.name) != ob or not ob.visible_get():
+        if ob.name not in bpy.context.scene.collection.objects:
+            bpy.context.scene.collection.objects.link(ob)
+        ob.hide_set(False)
+    bpy.context.view_layer.update()
 
 
 def refusals(read: reading.Reading) -> list[str]:
