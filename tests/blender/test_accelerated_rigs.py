@@ -1346,6 +1346,17 @@ def test_rigs_are_native_however_small_their_meshes_are(fresh_scene, monkeypatch
     assert sum(ob.sinew.is_bound for ob in meshes) == (0 if fewest else 6)
 
 
+def test_it_is_native_again_at_once_after_relations_were_built(cast):
+    """What was compared need not be compared again."""
+    accelerate(cast)
+    cast.scene.collection.objects.link(bpy.data.objects.new("Other", None))
+    layer().update()
+    assert not cast.rig.is_frozen
+    freezing().freeze_again(cast.scene, layer())
+    assert cast.rig.is_frozen, cast.rig.reason
+    cast.play()
+
+
 @pytest.mark.parametrize("kind", ("FULL_COPY", "LINK_COPY", "EMPTY"))
 def test_a_new_scene_does_not_have_relations_built_again(cast, monkeypatch, kind):
     """Blender has built those of the new scene, calls the handlers, and evaluates. If relations were built once more in

@@ -229,6 +229,15 @@ def test_what_is_not_covered_is_refused_by_name(fresh_scene, change, why):
     assert why in refusal(armature) and "Rail" in refusal(armature)
 
 
+def test_an_invalid_driver_of_the_curve_sets_nothing(fresh_scene):
+    armature, curve, _constraint = tentacle("invalid")
+    driver = curve.data.driver_add("splines[0].bezier_points[1].radius").driver
+    driver.expression = "no_such_name"
+    fresh_scene.frame_set(2)
+    assert not driver.is_valid
+    assert differences(armature, TIMES) == []
+
+
 def test_bones_that_two_constraints_move_are_refused(fresh_scene):
     armature, curve, _constraint = tentacle("twice")
     other = armature.pose.bones["Chain3"].constraints.new("SPLINE_IK")
