@@ -1383,3 +1383,24 @@ def test_a_new_scene_does_not_have_relations_built_again(cast, monkeypatch, kind
     cast.play()
     wait(cast)
     cast.play()
+
+
+def test_a_thaw_does_not_have_relations_built_again_that_were_just_built(cast, monkeypatch):
+    """As after a scene was shown again, with all keyframes: the actions of the very rigs that are thawed tell. Blender
+    4.3 crashed when random steps removed a scene."""
+    accelerate(cast)
+    evaluations, relations, asked = addon_module("host.evaluations"), addon_module("host.relations"), []
+
+    def are_new(blocks, _graph):
+        asked.extend(blocks)
+        return True
+
+    with monkeypatch.context() as patch:
+        patch.setattr(evaluations, "are_new", are_new)
+        patch.setattr(relations, "tag", lambda: pytest.fail("relations are built again"))
+        freezing().melt(layer().depsgraph, {})
+    assert asked == [cast.frozen[0].animation_data.action]
+    relations.tag()
+    cast.play()
+    wait(cast)
+    cast.play()

@@ -21,7 +21,7 @@
 `_build` makes all that it changes SUSPECT first. So if it ends by an exception, they are live after the next
 evaluation, and nothing of them is wrong."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -380,6 +380,7 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
     """Thaws all armatures that are frozen in a graph, from a handler: Blender evaluates them in the evaluation that
     follows, or once more in the one that has called the handler. reasons: {key of an armature: why}; the others may be
     frozen again at once."""
+    own = [rig for rig in rigs.idle() if rig.graph() == graph]
     for rig in rigs.idle():
         if rig.graph() in (graph, None):
             rig.reason = reasons.get(rig.key, "")
@@ -392,12 +393,13 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
             for ob in rig.followers.hooked:  # Blender calls no handler after it, so nobody updates deformed copies
                 if rigs.is_alive(ob) and ob.sinew.installed_output == "MESH":
                     mail.post(mail.REWIRE, values.key_of(ob))
-    _tag_relations(graph)
+    _tag_relations(graph, own)
 
 
-def _tag_relations(graph: Any) -> None:
-    """Has Blender build the relations of a graph, unless it has just done so, with all keyframes."""
-    if evaluations.are_new((each.action for rig in rigs.idle() for each in actions.of(rig.ob)), graph):
+def _tag_relations(graph: Any, own: Sequence[rigs.Rig]) -> None:
+    """Has Blender build the relations of a graph because of these armatures, unless it has just done so, with all
+    keyframes."""
+    if evaluations.are_new((each.action for rig in own for each in actions.of(rig.ob)), graph):
         return
     tagged = relations.tag()
     watch.expect(graph, [tagged, *bpy.data.collections, *bpy.data.scenes])
@@ -414,7 +416,7 @@ def follow_tracks(scene: Any) -> None:
             continue
         before, rig.tracks = rig.tracks, rigs.tracks_of(rig.ob)
         if before != rig.tracks:
-            _tag_relations(graph)
+            _tag_relations(graph, [rig])
 
 
 def melt_all() -> None:
