@@ -67,6 +67,11 @@ def depsgraph():
     return bpy.context.evaluated_depsgraph_get()
 
 
+def address_of(struct, kind, name):
+    """Where Blender has a member of a struct, whether its API shows it or not. kind: the struct's name there."""
+    return struct.as_pointer() + addon_module("host.layout").structs()[kind].offset(name)
+
+
 def evaluated(ob, graph=None):
     """(V, 3): positions as Blender shows them, space of the object."""
     mesh = ob.evaluated_get(graph or depsgraph()).data

@@ -12,6 +12,7 @@ from decorated import decorate, empty_at_a_vertex, of_result
 from helpers import (
     add_hair,
     addon_module,
+    address_of,
     assert_plays_without_the_addon,
     assert_same_hair,
     assert_same_shape,
@@ -85,9 +86,7 @@ TABLE = {
 
 def hidden_byte(modifier, name):
     """A setting that Blender's API does not show."""
-    kind = addon_module("host.members").MODIFIERS[modifier.type]
-    offset = addon_module("host.layout").structs()[kind].offset(name)
-    return ctypes.c_byte.from_address(modifier.as_pointer() + offset)
+    return ctypes.c_byte.from_address(address_of(modifier, addon_module("host.members").MODIFIERS[modifier.type], name))
 
 
 @pytest.mark.parametrize("is_behind", (False, True), ids=("before", "behind"))

@@ -4,13 +4,14 @@ evaluates, to the bit."""
 
 import functools
 import tempfile
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 import pytest
 
 import test_edited_animation as animation
-from helpers import addon_module, depsgraph, needs_rig_programs, select
+from helpers import addon_module, depsgraph, evaluated, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, keep_live, wait
 from test_edited_animation import HAS_SLOTS, NOW, NUMBERS, OTHER, Animated
 from test_frozen import layer, matrices_of
@@ -98,7 +99,7 @@ class Day:
         ours, theirs = ours.evaluated_get(graph), theirs.evaluated_get(graph)
         assert ours.matrix_world == theirs.matrix_world, f"{ours[ROLE]} is elsewhere"
         if ours.type == "MESH":
-            assert shape_of(ours) == shape_of(theirs), f"{ours[ROLE]} has another shape"
+            assert evaluated(ours).tobytes() == evaluated(theirs).tobytes(), f"{ours[ROLE]} has another shape"
 
     def end(self):
         for handler in self.handlers:
@@ -113,13 +114,6 @@ def channels_of(armature):
     found = [number for bone in bones for name in NUMBERS for number in getattr(bone, name)]
     found += [constraint.influence for bone in bones for constraint in bone.constraints]
     return found + [armature[name] for name in ("free", "level")]
-
-
-def shape_of(evaluated_ob):
-    mesh = evaluated_ob.data
-    numbers = bytearray(12 * len(mesh.vertices))
-    mesh.vertices.foreach_get("co", memoryview(numbers).cast("f"))
-    return bytes(numbers)
 
 
 @functools.cache
@@ -384,23 +378,17 @@ def rename_the_rig(armature):
     armature.name = "Renamed"
 
 
+@contextmanager
 def in_edit_mode(armature):
-    """A context."""
-    return _EditMode(armature)
-
-
-class _EditMode:
-    def __init__(self, armature):
-        self.hidden, self.armature = armature.hide_get(), armature
-
-    def __enter__(self):
-        self.armature.hide_set(False)
-        select(self.armature)
-        bpy.ops.object.mode_set(mode="EDIT")
-
-    def __exit__(self, *_):
+    is_hidden = armature.hide_get()
+    armature.hide_set(False)
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    try:
+        yield
+    finally:
         bpy.ops.object.mode_set(mode="OBJECT")
-        self.armature.hide_set(self.hidden)
+        armature.hide_set(is_hidden)
         select()
 
 

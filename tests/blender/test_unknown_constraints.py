@@ -6,7 +6,7 @@ import ctypes
 import bpy
 import pytest
 
-from helpers import addon_module, needs_rig_programs
+from helpers import address_of, needs_rig_programs
 from test_accelerated_rigs import accelerating, keep_live, wait
 from test_frozen import Cast, freezing, layer
 from test_frozen_who import both
@@ -15,9 +15,7 @@ TYPE = 200
 
 
 def become_unknown(constraint):
-    structs = addon_module("host.layout").structs()
-    address = constraint.as_pointer() + structs["bConstraint"].offset("type")
-    ctypes.c_int16.from_address(address).value = TYPE
+    ctypes.c_int16.from_address(address_of(constraint, "bConstraint", "type")).value = TYPE
 
 
 def of_a_bone(armature):

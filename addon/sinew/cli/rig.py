@@ -20,9 +20,10 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
     open_blend(options.path)
     ob = chosen_armature(options.object)
     read = reading.read(ob)
-    if ob.parent is not None and followers.not_still([ob.parent], ob):
-        moving = f"{ob.name} is a child of {ob.parent.name}, which moves or may move"
-        read.description["refused"].append(f"{moving}: clear the parent, and animate the root bone")
+    try:
+        followers.check_parent(ob)
+    except followers.NotFreezable as error:
+        read.description["refused"].append(str(error))
     document: dict[str, Any] = {"object": ob.name, "bones": len(ob.pose.bones)}
     lines = [f"{ob.name}: {len(ob.pose.bones):,} bones"]
     if options.output:
@@ -60,11 +61,11 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
 
 def _show(ob: bpy.types.Object) -> None:
     """Has Blender evaluate an armature object that is hidden."""
+    own = bpy.context.scene.collection.objects
+    if ob not in own.values():
+        own.link(ob)
     ob.hide_viewport = False
-    if bpy.context.scene.objects.get(ob.name) != ob or not ob.visible_get():
-        if ob.name not in bpy.context.scene.collection.objects:
-            bpy.context.scene.collection.objects.link(ob)
-        ob.hide_set(False)
+    ob.hide_set(False)
     bpy.context.view_layer.update()
 
 

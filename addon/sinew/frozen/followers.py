@@ -310,12 +310,18 @@ def check_place(rig: Any) -> None:
         )
     if dependencies.constraints_of(rig):
         raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
+    check_parent(rig)
+    if rig.rigid_body is not None:
+        raise NotFreezable(f"{rig.name} is simulated")
+
+
+def check_parent(rig: Any) -> None:
+    """Raises NotFreezable if an armature object may move because of its parent."""
     if rig.parent is not None and rig.parent.type == "ARMATURE" and rig.parent_type == "OBJECT":
         check_place(rig.parent)
     elif rig.parent is not None and not_still([rig.parent], rig):
-        raise NotFreezable(f"{rig.name} is a child of {rig.parent.name}, which moves or may move")
-    if rig.rigid_body is not None:
-        raise NotFreezable(f"{rig.name} is simulated")
+        moving = f"{rig.name} is a child of {rig.parent.name}, which moves or may move"
+        raise NotFreezable(f"{moving}: clear the parent, and animate the root bone")
 
 
 def listed(names: list[str]) -> str:

@@ -380,19 +380,18 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
     """Thaws all armatures that are frozen in a graph, from a handler: Blender evaluates them in the evaluation that
     follows, or once more in the one that has called the handler. reasons: {key of an armature: why}; the others may be
     frozen again at once."""
-    own = [rig for rig in rigs.idle() if rig.graph() == graph]
-    for rig in rigs.idle():
-        if rig.graph() in (graph, None):
-            rig.reason = reasons.get(rig.key, "")
-            if rig.reason:
-                rig.last = None
-            if rig.is_frozen or rig.shown is None:
-                _evaluate_keys(rig)
-            rig.state = State.SUSPECT
-            watch.expect_thaw(graph, rig)
-            for ob in rig.followers.hooked:  # Blender calls no handler after it, so nobody updates deformed copies
-                if rigs.is_alive(ob) and ob.sinew.installed_output == "MESH":
-                    mail.post(mail.REWIRE, values.key_of(ob))
+    own = [rig for rig in rigs.idle() if rig.graph() in (graph, None)]
+    for rig in own:
+        rig.reason = reasons.get(rig.key, "")
+        if rig.reason:
+            rig.last = None
+        if rig.is_frozen or rig.shown is None:
+            _evaluate_keys(rig)
+        rig.state = State.SUSPECT
+        watch.expect_thaw(graph, rig)
+        for ob in rig.followers.hooked:  # Blender calls no handler after it, so nobody updates deformed copies
+            if rigs.is_alive(ob) and ob.sinew.installed_output == "MESH":
+                mail.post(mail.REWIRE, values.key_of(ob))
     _tag_relations(graph, own)
 
 
