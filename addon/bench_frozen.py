@@ -33,7 +33,7 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
     accelerating, freezing, known = (
-        importlib.import_module(f"{ADDON}.frozen.{name}") for name in ("accelerating", "freezing", "rigs")
+        importlib.import_module(f"{ADDON}.played.{name}") for name in ("accelerating", "freezing", "rigs")
     )
     people = make_shot(characters, without)
     meshes = [ob for person in people for ob in person.meshes]

@@ -52,7 +52,7 @@ def without_handlers():
 def rigs_accelerated(are):
     """Has Sinew compute all rigs that it can, or none. Gives whether it computes any."""
     scene, layer = bpy.context.scene, bpy.context.view_layer
-    accelerating, known = (importlib.import_module(f"{ADDON}.frozen.{name}") for name in ("accelerating", "rigs"))
+    accelerating, known = (importlib.import_module(f"{ADDON}.played.{name}") for name in ("accelerating", "rigs"))
     scene.sinew_accelerates_rigs = are
     if are:
         accelerating.accelerate(scene, layer)

@@ -51,7 +51,7 @@ def fastest_of(function, *arguments):
 def measure(ob, name):
     """Returns one row, a dictionary. ob: an armature object that is animated and alone in the scene."""
     native = sinew("native").sinew_native
-    reading, checking = sinew("rig_programs.reading"), sinew("rig_programs.checking")
+    reading, checking = sinew("description.reading"), sinew("description.equality")
     reading_ms, read = fastest_of(reading.read, ob)
     building_ms, program = fastest_of(checking.program_of, read)
     with without_handlers():

@@ -78,7 +78,7 @@ ROWS = {
 
 
 def print_table(mesh_object):
-    bench = addon_module("cli.bench")
+    bench = addon_module("cli.bench_command")
     contest = bench.set_up(mesh_object.sinew.output, FRAMES)
     times, distances = {}, {}
     for method in METHODS:

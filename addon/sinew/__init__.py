@@ -31,20 +31,21 @@ def _modules():
 
         return (without_native,)
     from .cli import command_line
-    from .frozen import handlers as frozen_handlers
     from .main import handlers, properties, write_lock
+    from .onion import ghost_handlers
+    from .played import frame_handlers
     from .ui import (
         bake,
         bone_lines,
         crowd,
         cures,
         display,
-        frozen,
         menus,
         method_settings,
         onion_skins,
         operators,
         panels,
+        played_rigs,
         preferences,
         profile,
         recorded_frames,
@@ -74,13 +75,14 @@ def _modules():
         display,
         menus,
         panels,
-        frozen,
+        played_rigs,
         onion_skins,
         recorded_frames,
         profile,
         write_lock,
         handlers,
-        frozen_handlers,
+        frame_handlers,
+        ghost_handlers,
         command_line,
     )
 

@@ -116,4 +116,4 @@ def nothing_went_wrong(request, caplog):
 @pytest.fixture
 def no_program(monkeypatch):
     """Frozen characters are recorded, as those are that cannot be programs."""
-    monkeypatch.setattr(addon_module("frozen.computing"), "can_be", lambda _rig: False)
+    monkeypatch.setattr(addon_module("played.computing"), "can_be", lambda _rig: False)

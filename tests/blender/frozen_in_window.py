@@ -57,11 +57,11 @@ for name in shapes.files:
 
 
 def freezing():
-    return addon_module("frozen.freezing")
+    return addon_module("played.freezing")
 
 
 def recorded():
-    return addon_module("frozen.rigs")
+    return addon_module("played.rigs")
 
 
 def let_be_computed(armatures, may):
@@ -128,7 +128,7 @@ def steps():
 
 
 def panel_open():
-    for name, panel in (("ui.frozen", "SidebarFrozen"), ("ui.onion_skins", "SidebarOnionSkins")):
+    for name, panel in (("ui.played_rigs", "SidebarFrozen"), ("ui.onion_skins", "SidebarOnionSkins")):
         cls = getattr(addon_module(name), panel)
         cls.bl_options = set()
         bpy.utils.unregister_class(cls)
@@ -295,7 +295,7 @@ def render(meshes, armatures, reference):
 
 
 def onion_skins(meshes, armatures):
-    settings = addon_module("ui.preferences").of_sinew().onion
+    settings = addon_module("main.addon_preferences").of_sinew().onion
     settings.before, settings.after, settings.step = 3, 3, 3
     yield from pick(meshes[1])
     with in_area("VIEW_3D"):
@@ -369,7 +369,7 @@ def computed(meshes, armatures, reference):
 
 def accelerated(meshes, armatures, reference):
     """Nobody has frozen anything: the rigs are computed as soon as nothing happens, and after an edit again."""
-    addon_module("frozen.accelerating").LEAST_WORK = 0
+    addon_module("played.accelerating").LEAST_WORK = 0
     scene().sinew_freezes_others = False
     freezing().thaw(recorded().known(), scene(), bpy.context.view_layer)
     for rig in recorded().known():
@@ -396,7 +396,7 @@ def accelerated(meshes, armatures, reference):
 
 
 def motion_paths(armatures):
-    settings = addon_module("ui.preferences").of_sinew().onion
+    settings = addon_module("main.addon_preferences").of_sinew().onion
     select(bpy.data.objects[armatures[1]])
     with in_area("VIEW_3D"):
         bpy.ops.object.mode_set(mode="POSE")
@@ -405,7 +405,7 @@ def motion_paths(armatures):
     for step in range(40):  # the rig is read again, or accelerated again
         yield 0.5
         with in_area("VIEW_3D"):
-            found = addon_module("ui.path_drawing").shown(bpy.context)
+            found = addon_module("onion.path_drawing").shown(bpy.context)
         if step > 4 and found:
             break
     paths = yield from seen("motion-paths")

@@ -68,8 +68,8 @@ def random_rig(seed):
 
 
 def made(ob, shortened):
-    read = addon_module("rig_programs.reading").read(ob)
-    recorded = addon_module("rig_programs.checking").record_frames(ob, read, TIMES)
+    read = addon_module("description.reading").read(ob)
+    recorded = addon_module("description.equality").record_frames(ob, read, TIMES)
     description = shortened(json.loads(json.dumps(read.description, default=np.ndarray.tolist)))
     rows = [ob.pose.bones.find(bone["name"]) for bone in description["bones"]]
     return {

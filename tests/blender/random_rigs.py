@@ -530,7 +530,7 @@ class IsUnsteady(HasCycle):
 def differences_of(seed, features, times=TIMES):
     """The differences between program and Blender in the rig. Raises HasCycle."""
     ob = make(seed, features)
-    reading, checking = addon_module("rig_programs.reading"), addon_module("rig_programs.checking")
+    reading, checking = addon_module("description.reading"), addon_module("description.equality")
     read = reading.read(ob)
     try:
         program = checking.program_of(read)
@@ -584,7 +584,7 @@ NOT_EDITED = {
 def edit_differences(ob, read, program, source):
     """Sets some values by hand that have no keys, one after the other, each on another frame: differences, and what
     Blender has computed."""
-    checking = addon_module("rig_programs.checking")
+    checking = addon_module("description.equality")
     keyed = {re.sub(r"\[\d+\]$", "", name) for name in program.keyed}
     free = [path for path in program.paths if path not in keyed and path.startswith(("pose", "data"))]
     free = [path for path in free if path.rpartition(".")[2] not in NOT_EDITED]

@@ -19,7 +19,7 @@ pytestmark = needs_rig_programs
 
 
 def accelerating():
-    return addon_module("frozen.accelerating")
+    return addon_module("played.accelerating")
 
 
 def cast_of_small_rigs(monkeypatch):
@@ -41,7 +41,7 @@ def keep_live(cast):
 
 
 def evaluations():
-    return addon_module("frozen.playing").evaluation_count()
+    return addon_module("played.playing").evaluation_count()
 
 
 def wait(cast):
@@ -212,7 +212,7 @@ def compare_more(cast):
 
 
 def test_all_frames_are_compared_while_nothing_is_done(cast, monkeypatch):
-    monkeypatch.setattr(addon_module("frozen.comparing"), "SECONDS", 0.02)
+    monkeypatch.setattr(addon_module("played.comparing"), "SECONDS", 0.02)
     cast.scene.frame_end = 60
     cast.play([4])
     accelerate(cast)
@@ -232,7 +232,7 @@ def test_all_frames_are_compared_while_nothing_is_done(cast, monkeypatch):
 
 def misread_the_last_key(monkeypatch):
     """Has the last key of a bone's curve read as another one. Returns a function that ends it."""
-    reading = addon_module("rig_programs.reading")
+    reading = addon_module("description.reading")
     read = reading.read
 
     def read_wrongly(*arguments):
@@ -257,7 +257,7 @@ class InOrder:
 
 @pytest.mark.says_errors
 def test_a_difference_that_is_found_while_nothing_is_done_has_it_live(cast, monkeypatch):
-    comparing = addon_module("frozen.comparing")
+    comparing = addon_module("played.comparing")
     monkeypatch.setattr(comparing, "SECONDS", -1)  # one frame
     monkeypatch.setattr(comparing.random, "Random", InOrder)
     misread_the_last_key(monkeypatch)
@@ -312,7 +312,7 @@ def test_a_difference_is_seen_on_another_frame(cast, monkeypatch, tmp_path):
 @pytest.fixture
 def misread(monkeypatch):
     """A function that has all bones read as if they were elsewhere, or again as they are."""
-    reading = addon_module("rig_programs.reading")
+    reading = addon_module("description.reading")
     read = reading.read
 
     def moved(*arguments):
@@ -346,8 +346,8 @@ def test_a_difference_on_the_first_frame_is_reported(cast, misread, tmp_path, ca
 @pytest.mark.parametrize("off, counts", ((3e-7, True), (1e-4, False)))
 @pytest.mark.says_errors
 def test_on_other_systems_the_last_bits_may_differ(cast, monkeypatch, off, counts):
-    monkeypatch.setattr(addon_module("frozen.differences"), "IS_EXACT", False)
-    reading = addon_module("rig_programs.reading")
+    monkeypatch.setattr(addon_module("played.differences"), "IS_EXACT", False)
+    reading = addon_module("description.reading")
     read = reading.read
 
     def read_almost(*arguments):
@@ -421,7 +421,7 @@ def computed_now(monkeypatch):
         found.extend(float(time) for _program, times, *_ in asked for time in times)
         return known(asked, fields)
 
-    monkeypatch.setattr(addon_module("frozen.computing"), "sinew_native", Stand(native, rig_records=rig_records))
+    monkeypatch.setattr(addon_module("played.computing"), "sinew_native", Stand(native, rig_records=rig_records))
     return found
 
 
@@ -578,7 +578,7 @@ def test_posing_and_keys_do_not_have_a_rig_built_again(cast, monkeypatch, change
     cast.scene.frame_set(1)
     accelerate(cast)
     cast.play([7, 3])
-    computing, built = addon_module("frozen.computing"), []
+    computing, built = addon_module("played.computing"), []
     read = computing.read
     monkeypatch.setattr(computing, "read", lambda *arguments: built.append(read(*arguments)))
     for armature, *_ in both(cast):
@@ -679,7 +679,7 @@ def add_a_constraint(cast):
 def test_when_blender_has_built_relations_it_is_computed_as_before(cast, monkeypatch, change, is_read, is_playing):
     accelerate(cast)
     cast.play([2, 3])
-    computing, reads = addon_module("frozen.computing"), []
+    computing, reads = addon_module("played.computing"), []
     read = computing.read
     monkeypatch.setattr(computing, "read", lambda *arguments: reads.append(read(*arguments)))
     before = set(cast.rig.source.compared)
@@ -777,8 +777,8 @@ def test_one_that_cannot_be_computed_stays_live_and_is_read_ever_less_often(cast
     for armature, *_ in both(cast):
         armature.pose.bones["side"].constraints.new("SHRINKWRAP").target = cast.frozen[3]
     layer().update()
-    reads, read = [], addon_module("frozen.computing")._read
-    monkeypatch.setattr(addon_module("frozen.computing"), "_read", lambda *each: reads.append(1) or read(*each))
+    reads, read = [], addon_module("played.computing")._read
+    monkeypatch.setattr(addon_module("played.computing"), "_read", lambda *each: reads.append(1) or read(*each))
     for step in range(20):
         move(cast, 0.1 * step)
         for _ in range(3):
@@ -852,7 +852,7 @@ def test_what_the_panel_says(cast):
 
 
 def test_the_panel_says_medians_over_the_same_frames(cast, monkeypatch):
-    comparing, counts = addon_module("frozen.comparing"), []
+    comparing, counts = addon_module("played.comparing"), []
 
     def median(spent):
         counts.append(len(spent))
@@ -921,7 +921,7 @@ def test_a_renamed_rig_has_its_new_name_in_sentences(cast):
     accelerate(cast)
     cast.rig.ob.name = "Heroine"
     cast.scene.frame_set(3, subframe=0.5)
-    sentence = addon_module("frozen.reasons").why_live(cast.rig, cast.scene, layer())
+    sentence = addon_module("played.reasons").why_live(cast.rig, cast.scene, layer())
     assert sentence == "Heroine is live between two frames: only whole frames are recorded"
 
 
@@ -954,7 +954,7 @@ def test_handlers_are_given_back_if_an_evaluation_fails(cast):
     lists = bpy.app.handlers.depsgraph_update_pre, bpy.app.handlers.depsgraph_update_post
     before, names = [list(each) for each in lists], data_names()
     with pytest.raises(ReferenceError):
-        with addon_module("frozen.elsewhere").on_frames([cast.rig.ob], Fleeting(cast.scene)):
+        with addon_module("played.elsewhere").on_frames([cast.rig.ob], Fleeting(cast.scene)):
             assert not any(map(len, lists))
     assert [list(each) for each in lists] == before and data_names() == names
 
@@ -1008,7 +1008,7 @@ def test_a_bake_accelerates_rigs(cast):
 
 def test_scripts_in_the_background(cast):
     """Frames that a script changes are computed after some, and again after an edit."""
-    addon_module("frozen.handlers")._frames = 0
+    addon_module("played.frame_handlers")._frames = 0
     few, more = range(1, 11), [*range(1, 11)] * 4
     cast.play(few)
     assert not cast.rig.is_frozen
@@ -1032,7 +1032,7 @@ def test_scripts_in_the_background(cast):
 @pytest.fixture
 def readings(monkeypatch):
     """The names of the rigs whose programs were read, in order."""
-    computing, found = addon_module("frozen.computing"), []
+    computing, found = addon_module("played.computing"), []
 
     def counted(function):
         def noted(rig, *others):
@@ -1075,7 +1075,7 @@ def test_a_script_that_edits_on_each_frame_has_it_read_a_few_times(cast, reading
 
 
 def test_a_script_that_has_edited_before_is_not_read_in_the_background(cast, readings):
-    addon_module("frozen.handlers")._frames = 0
+    addon_module("played.frame_handlers")._frames = 0
     for frame in range(1, 80):
         cast.scene.frame_set(frame)
         poses_and_keys(cast, frame)
@@ -1096,7 +1096,7 @@ def test_edits_now_and_then_leave_it_native(cast, readings):
 
 
 def test_the_longer_it_was_edited_the_longer_it_rests():
-    rest = addon_module("frozen.resting").Rest()
+    rest = addon_module("played.resting").Rest()
     found = []
     for _ in range(3):
         while rest.may_read():
@@ -1111,7 +1111,7 @@ def test_the_longer_it_was_edited_the_longer_it_rests():
     assert found[1] == 2 * found[0] and found[2] == 2 * found[1]
     for _ in range(1000):
         rest.note_played()
-    assert rest == addon_module("frozen.resting").Rest()
+    assert rest == addon_module("played.resting").Rest()
 
 
 def test_while_the_user_does_nothing_it_has_rested(cast):
@@ -1129,7 +1129,7 @@ def test_while_the_user_does_nothing_it_has_rested(cast):
 
 def test_handlers_of_others_see_every_update_in_the_background(cast):
     """Also on the frame after which rigs are accelerated."""
-    addon_module("frozen.handlers")._frames = 0
+    addon_module("played.frame_handlers")._frames = 0
     seen = []
 
     def look(_scene, graph):
@@ -1363,7 +1363,7 @@ def test_a_new_scene_does_not_have_relations_built_again(cast, monkeypatch, kind
     between, as for a rig that has to be live, Blender 4.3 would now and then follow addresses in copies that it has not
     made: a crash that random steps have found."""
     accelerate(cast)
-    playing, relations, seen = addon_module("frozen.playing"), addon_module("host.relations"), []
+    playing, relations, seen = addon_module("played.playing"), addon_module("host.relations"), []
     tag = relations.tag
 
     def note_scene(scene, *_):

@@ -102,7 +102,7 @@ def test_bad_rig_folder(tmp_path, case):
 def test_an_import_that_fails_half_way_takes_everything_back(fresh_scene, monkeypatch, tmp_path, kind, step, output):
     bpy.ops.mesh.primitive_cube_add()
     cube, before = bpy.context.active_object, data_counts()
-    owner = addon_module("rigs.rig_import")
+    owner = addon_module("rig_files.rig_import")
     *names, function = step.split(".")
     for name in names:
         owner = getattr(owner, name)
@@ -125,7 +125,7 @@ def test_an_import_that_fails_half_way_takes_everything_back(fresh_scene, monkey
 def test_an_import_that_is_interrupted_between_its_steps_takes_everything_back(fresh_scene, tmp_path, step):
     bpy.ops.mesh.primitive_cube_add()
     cube, before = bpy.context.active_object, data_counts()
-    rig_import = addon_module("rigs.rig_import")
+    rig_import = addon_module("rig_files.rig_import")
 
     class Interrupted:
         steps = 0

@@ -622,4 +622,4 @@ def test_an_armature_of_a_mix_in_edit_mode(fresh_scene, make, number):
 def test_the_types_of_stages_are_the_same_everywhere():
     types = addon_module("blender.modifier_types").STAGES
     assert {"ARMATURE", *addon_module("chain.stages").KINDS} == types  # mixes.py makes those of Armature modifiers
-    assert addon_module("host.watch")._STAGES.keys() < types  # Hooks are read on each frame
+    assert addon_module("host.watched_tree")._STAGES.keys() < types  # Hooks are read on each frame

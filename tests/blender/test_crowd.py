@@ -37,7 +37,7 @@ def set_inputs(crowd, **values):
 
 
 def modifier_of(crowd):
-    return addon_module("crowd.crowd").modifier_of(crowd)
+    return addon_module("crowd.making").modifier_of(crowd)
 
 
 def add(**options):

@@ -102,7 +102,7 @@ def test_it_sets_nothing_and_nobody_suffers(cast, caplog, kind):
 
 @pytest.mark.parametrize("kind", (of_a_place, of_bones, of_custom_properties, of_strips, of_drivers))
 def test_a_rig_that_has_one_is_recorded_if_it_is_not_computed(cast, caplog, monkeypatch, kind):
-    monkeypatch.setattr(addon_module("rig_programs.reading"), "CAN_READ", False)
+    monkeypatch.setattr(addon_module("description.reading"), "CAN_READ", False)
     for armature, *_ in both(cast):
         kind(armature)
     with caplog.at_level(logging.WARNING):

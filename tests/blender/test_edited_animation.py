@@ -54,7 +54,7 @@ def add_strip(track, action):
 @pytest.fixture
 def make_native(fresh_scene, monkeypatch):
     """A function that makes both characters, prepares them, and has the first one computed."""
-    monkeypatch.setattr(addon_module("frozen.accelerating"), "LEAST_WORK", 0)
+    monkeypatch.setattr(addon_module("played.accelerating"), "LEAST_WORK", 0)
     fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
 
     def made(prepare):

@@ -19,11 +19,11 @@ FRAMES = range(1, 11)
 
 
 def freezing():
-    return addon_module("frozen.freezing")
+    return addon_module("played.freezing")
 
 
 def recorded():
-    return addon_module("frozen.rigs")
+    return addon_module("played.rigs")
 
 
 def layer():

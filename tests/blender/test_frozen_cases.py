@@ -122,7 +122,7 @@ def test_an_armature_that_follows_animated_objects_is_computed(cast):
     cast.follow_keyed_object("bone2")
     cast.play([1, 5])
     freezing().freeze([cast.rig], cast.scene, layer())
-    if addon_module("rig_programs.reading").CAN_READ:
+    if addon_module("description.reading").CAN_READ:
         assert cast.rig.is_frozen
     else:
         assert "bones of Rig follow Marker, outside of it" in cast.rig.reason
@@ -543,7 +543,7 @@ def test_an_error_half_way_leaves_a_state(cast, place, monkeypatch):
     if place == "show":  # so that a pose has to be written
         monkeypatch.setattr(recorded(), "shows", lambda *_: False)
         for name in ("why_live", "_drop_what_is_wrong"):
-            monkeypatch.setattr(addon_module("frozen.reasons"), name, lambda *_: "")
+            monkeypatch.setattr(addon_module("played.reasons"), name, lambda *_: "")
     monkeypatch.setattr(owner, place, fail)
     with pytest.raises(ZeroDivisionError):
         freezing().freeze([cast.rig], cast.scene, layer())

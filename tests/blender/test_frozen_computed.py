@@ -12,7 +12,7 @@ pytestmark = needs_rig_programs
 
 
 def computing():
-    return addon_module("frozen.computing")
+    return addon_module("played.computing")
 
 
 @pytest.fixture

@@ -138,7 +138,7 @@ READERS = [
 
 @pytest.mark.parametrize("make", READERS)
 def test_what_drivers_make_of_a_frozen_armature(cast, make):
-    if make is keyed_property and not addon_module("rig_programs.reading").CAN_READ:
+    if make is keyed_property and not addon_module("description.reading").CAN_READ:
         pytest.skip("custom properties are not recorded")
     readers = [make(cast, *each) for each in both(cast)]
     layer().update()
@@ -182,7 +182,7 @@ def test_what_drivers_make_of_a_frozen_armature(cast, make):
 def way(request):
     if request.param == "recorded":
         request.getfixturevalue("no_program")
-    elif not addon_module("rig_programs.reading").CAN_READ:
+    elif not addon_module("description.reading").CAN_READ:
         pytest.skip("rigs are no programs in this Blender")
     return request.param
 

@@ -340,7 +340,7 @@ def test_an_edit_that_makes_no_difference_here_shows_on_other_frames(fresh_scene
     is_computed = way != "recorded"
     if not is_computed:
         request.getfixturevalue("no_program")
-    computing, kept = addon_module("frozen.computing"), []
+    computing, kept = addon_module("played.computing"), []
     read_again = computing.read_again
     monkeypatch.setattr(computing, "read_again", lambda *given: kept.append(read_again(*given)) or kept[-1])
     scene = fresh_scene

@@ -441,7 +441,7 @@ def test_a_limit_of_memory_drops_the_oldest_frames(cast):
 
 
 def test_the_panel_lists_who_is_frozen(cast):
-    ui = addon_module("ui.frozen")
+    ui = addon_module("ui.played_rigs")
     cast.freeze()
     assert ui.frames_text(cast.rig) == ("computed" if bpy.app.version >= (4, 2, 0) else "1 to 10")
     cast.thaw()

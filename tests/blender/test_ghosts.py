@@ -21,7 +21,7 @@ def cast():
 @pytest.fixture
 def settings():
     """The preferences of onion skins, which are put back."""
-    found = addon_module("ui.preferences").of_sinew().onion
+    found = addon_module("main.addon_preferences").of_sinew().onion
     names = [name for name in found.bl_rna.properties.keys() if name not in {"rna_type", "name"}]
     before = {name: getattr(found, name) for name in names}
     before = {name: tuple(value) if hasattr(value, "__len__") else value for name, value in before.items()}
@@ -31,11 +31,11 @@ def settings():
 
 
 def ghosts():
-    return addon_module("frozen.ghosts")
+    return addon_module("onion.ghosts")
 
 
 def drawings():
-    return addon_module("ui.ghost_drawing").drawings(bpy.context)
+    return addon_module("onion.ghost_drawing").drawings(bpy.context)
 
 
 def toggle(cast):
@@ -190,7 +190,7 @@ def test_record_plays_what_ghosts_need(cast, settings):
     select(cast.frozen[0])
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
     assert_ghosts(cast, [1, 9])
-    assert addon_module("frozen.recording").missing(cast.rig, cast.scene) == []
+    assert addon_module("played.recording").missing(cast.rig, cast.scene) == []
 
 
 def test_ghosts_of_a_frozen_character_are_recorded_while_it_plays_from_memory(cast, settings):
@@ -386,7 +386,7 @@ def test_memory_is_limited_together_with_poses(cast, settings):
 @needs_rig_programs
 def test_the_limit_of_memory_holds_for_what_is_computed(computed, monkeypatch):
     """Few frames are computed at once, and none for which there is no room. None of these is played."""
-    cast, computing, counts, played = computed, addon_module("frozen.computing"), [], []
+    cast, computing, counts, played = computed, addon_module("played.computing"), [], []
     moments, limit = computing._moments, recorded().store.limit
 
     def counted(own, frames):
@@ -443,7 +443,7 @@ def test_ghosts_keep_no_pose_that_the_store_has_dropped(cast, settings):
 
 def test_what_cannot_be_drawn_any_more_leaves_the_graphics_card(cast, settings, monkeypatch):
     settings.before, settings.after, settings.step = 2, 2, 1
-    drawing = addon_module("ui.ghost_drawing")
+    drawing = addon_module("onion.ghost_drawing")
     toggle(cast)
     cast.record()
     cast.scene.frame_set(5)

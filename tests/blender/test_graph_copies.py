@@ -72,7 +72,7 @@ def test_other_bones_are_seen_while_posing(fresh_scene, name):
 def test_each_setting_of_a_bone_is_in_its_bytes(fresh_scene):
     """All that the API shows of bones, except what is of bones on show and of the armature itself."""
     armature = make_armature()
-    data, read = armature.data, addon_module("host.bones").read_bytes
+    data, read = armature.data, addon_module("host.bone_bytes").read_bytes
     bone, tried = data.bones["bone2"], 0
     for each in bone.bl_rna.properties:
         if each.is_readonly or each.type not in {"BOOLEAN", "INT", "FLOAT"} or getattr(each, "is_array", False):
@@ -96,7 +96,7 @@ def test_an_undo_keeps_what_it_does_not_change(fresh_scene, monkeypatch):
     bpy.ops.ed.undo_push(message="before")
     play(fresh_scene)
     bpy.ops.ed.undo_push(message="again")
-    reading, read = addon_module("run.reading").Reading, []
+    reading, read = addon_module("run.mesh_reading").Reading, []
     for name in ("read_mesh", "read_keys"):
         function = getattr(reading, name)
         monkeypatch.setattr(reading, name, lambda own, ob, *more, f=function: read.append(ob.name) or f(own, ob, *more))

@@ -130,7 +130,7 @@ def write_rig(folder, weights, mesh="", skeleton="0 -1 0 0 0\n1 0 1 0 0\n", enco
 def test_weights_out_of_range_are_counted_and_the_shape_is_that_of_python(fresh_scene, tmp_path):
     path = write_rig(tmp_path, [[1.5, -0.25, 3], [-0.5, 0.75, 0.25]])
     sinew = addon_module("native").sinew_native
-    rig_import = addon_module("rigs.rig_import")
+    rig_import = addon_module("rig_files.rig_import")
     ob, armature, remark = rig_import.import_rig(bpy.context, path, rig_import.ImportOptions())
     assert remark.startswith("weights.dmat has 4 weights below 0 or above 1, which vertex groups cannot hold")
     armature.sinew_clip.mode = "POSED"
@@ -146,7 +146,7 @@ def test_weights_out_of_range_are_counted_and_the_shape_is_that_of_python(fresh_
 
 def test_weights_in_range_need_no_words(tmp_path):
     path = write_rig(tmp_path, [[1, 0.5, -1e-9], [0, 0.5, 1]])
-    rig_import = addon_module("rigs.rig_import")
+    rig_import = addon_module("rig_files.rig_import")
     assert rig_import.import_rig(bpy.context, path, rig_import.ImportOptions())[2] == ""
 
 

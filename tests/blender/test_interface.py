@@ -300,7 +300,7 @@ def test_everything_can_be_searched():
 
 @pytest.fixture
 def preferences():
-    found = addon_module("ui.preferences").of_sinew()
+    found = addon_module("main.addon_preferences").of_sinew()
     yield found
     for name in ("thread_count", "instruction_set", "log_file"):
         found.property_unset(name)

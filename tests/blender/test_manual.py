@@ -47,7 +47,7 @@ def classes():
         addon_module("ui.bake").PlayCache,
         addon_module("ui.to_bones").BakeToBones,
         addon_module("ui.crowd").AddCrowd,
-        addon_module("ui.onion_settings").SinewOnionSettings,
+        addon_module("onion.onion_settings").SinewOnionSettings,
         addon_module("ui.preferences").SinewPreferences,
     )
 

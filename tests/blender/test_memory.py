@@ -367,7 +367,7 @@ def test_variables_elsewhere_are_not_believed(zoo, monkeypatch, name, by):
 
 
 def test_a_character_that_is_frozen_is_thawed_if_that_is_lost(zoo):
-    freezing, contract = addon_module("frozen.freezing"), host("contract")
+    freezing, contract = addon_module("played.freezing"), host("contract")
     zoo.reopen()
     assert zoo.play() == []
     freezing.freeze([zoo.rig], zoo.scene, bpy.context.view_layer)

@@ -14,7 +14,7 @@ NAMES = ("bone0", "bone2")
 
 
 def paths(armature, frame, count=3):
-    return addon_module("frozen.paths").around([(armature, name) for name in NAMES], frame, count)
+    return addon_module("onion.motion_paths").around([(armature, name) for name in NAMES], frame, count)
 
 
 def heads(armature, frames):
@@ -29,7 +29,7 @@ def heads(armature, frames):
 
 @pytest.fixture
 def settings():
-    found = addon_module("ui.preferences").of_sinew().onion
+    found = addon_module("main.addon_preferences").of_sinew().onion
     yield found
     for name in ("shows_paths", "path_frames"):
         found.property_unset(name)
@@ -58,7 +58,7 @@ def test_they_are_where_the_bones_go(cast, edit):  # noqa: F811
 
 def test_each_frame_is_computed_once(cast, monkeypatch):  # noqa: F811
     accelerate(cast)
-    module, known = addon_module("frozen.paths"), cast.rig.source.heads
+    module, known = addon_module("onion.motion_paths"), cast.rig.source.heads
     paths(cast.frozen[0], 4)
     assert sorted(known) == list(range(1, 8))
     before = known[4]
@@ -73,7 +73,7 @@ def test_rigs_that_are_not_computed_have_none(cast):  # noqa: F811
     assert paths(cast.frozen[0], 4) == [] == paths(cast.live[0], 4)
     accelerate(cast)
     assert paths(cast.live[0], 4) == []
-    assert addon_module("frozen.paths").around([(cast.frozen[0], "no bone")], 4, 3) == []
+    assert addon_module("onion.motion_paths").around([(cast.frozen[0], "no bone")], 4, 3) == []
     bpy.ops.object.select_all(action="DESELECT")
     select(cast.frozen[0])
     assert bpy.ops.object.sinew_thaw() == {"FINISHED"}
@@ -82,7 +82,7 @@ def test_rigs_that_are_not_computed_have_none(cast):  # noqa: F811
 
 def test_what_a_view_shows(cast, settings):  # noqa: F811
     accelerate(cast)
-    shown = addon_module("ui.path_drawing").shown
+    shown = addon_module("onion.path_drawing").shown
     select(cast.frozen[0])
     settings.path_frames = 5
     assert shown(bpy.context) == []

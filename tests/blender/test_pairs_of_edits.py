@@ -141,7 +141,7 @@ def saved():
 
 @pytest.fixture
 def day(monkeypatch):
-    monkeypatch.setattr(addon_module("frozen.accelerating"), "LEAST_WORK", 0)
+    monkeypatch.setattr(addon_module("played.accelerating"), "LEAST_WORK", 0)
     made = Day()
     yield made
     made.end()

@@ -280,7 +280,7 @@ def test_a_lasting_error_is_not_run_into_on_each_frame(fresh_scene, monkeypatch)
 
 def test_a_driven_choice_that_does_not_exist_is_blenders(fresh_scene, monkeypatch):
     ob, twin = make_pair("keys")
-    reading, read = addon_module("run.reading").Reading, []
+    reading, read = addon_module("run.mesh_reading").Reading, []
     read_mesh = reading.read_mesh
     monkeypatch.setattr(reading, "read_mesh", lambda *given: read.append(read_mesh(*given)))
     for each in (ob, twin):

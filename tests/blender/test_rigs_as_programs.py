@@ -43,11 +43,11 @@ pytestmark = pytest.mark.skipif(bpy.app.version < (4, 2, 0), reason="rigs are pr
 
 
 def reading():
-    return addon_module("rig_programs.reading")
+    return addon_module("description.reading")
 
 
 def checking():
-    return addon_module("rig_programs.checking")
+    return addon_module("description.equality")
 
 
 def differences(ob, times=FRAMES):
@@ -112,7 +112,7 @@ def test_random_rigs(first):
 @pytest.mark.parametrize("seed", (2, 3, 5))
 def test_what_is_wrong_is_not_taken_for_unsteady(monkeypatch, seed):
     """What Blender does is compared before the rig is edited."""
-    checking = addon_module("rig_programs.checking")
+    checking = addon_module("description.equality")
     program_of = checking.program_of
 
     def wrong(read):
@@ -469,7 +469,7 @@ def test_curves_that_are_not_covered_are_refused(armature):
 
 @pytest.mark.parametrize(("table", "name"), [("ROTATION_MODES", "rotation_mode"), ("INHERIT_SCALES", "inherit_scale")])
 def test_a_choice_of_a_newer_blender_is_refused(armature, monkeypatch, table, name):
-    bones = addon_module("rig_programs.bones")
+    bones = addon_module("description.bone_rows")
     armature.pose.bones["b"].rotation_mode, armature.data.bones["b"].inherit_scale = "ZYX", "NONE"
     known = {number: each for number, each in getattr(bones, table).items() if each not in ("ZYX", "NONE")}
     monkeypatch.setattr(bones, table, known)
@@ -777,7 +777,7 @@ def test_the_command_wants_an_armature(sinew, rig_blend):
 
 
 def test_keys_are_read_from_memory_as_by_the_api(fresh_scene, monkeypatch):
-    curves, contract = addon_module("rig_programs.curves"), addon_module("host.contract")
+    curves, contract = addon_module("description.curves"), addon_module("host.contract")
     ob = bpy.data.objects.new("Moved", None)
     fresh_scene.collection.objects.link(ob)
     frame = 0
@@ -797,7 +797,7 @@ def test_keys_are_read_from_memory_as_by_the_api(fresh_scene, monkeypatch):
 
 
 def test_variables_are_read_from_memory_as_by_the_api(monkeypatch):
-    reading, contract = addon_module("rig_programs.reading"), addon_module("host.contract")
+    reading, contract = addon_module("description.reading"), addon_module("host.contract")
     for seed in range(1, PORTION):
         ob = random_rigs.make(seed, random_rigs.features_of(seed))
         assert contract.has(addon_module("host.features").VARIABLES)
@@ -809,7 +809,7 @@ def test_variables_are_read_from_memory_as_by_the_api(monkeypatch):
 
 
 def test_bones_are_read_from_memory_as_by_the_api(armature, monkeypatch):
-    reading, contract = addon_module("rig_programs.reading"), addon_module("host.contract")
+    reading, contract = addon_module("description.reading"), addon_module("host.contract")
 
     def described():
         found = reading.read(armature).description
@@ -818,7 +818,7 @@ def test_bones_are_read_from_memory_as_by_the_api(armature, monkeypatch):
     numbers = iter(range(1, 1000))
     for bone in armature.pose.bones:
         for holder in (bone, bone.bone):
-            for name, count, is_of_rest in addon_module("rig_programs.tables").bone_settings():
+            for name, count, is_of_rest in addon_module("description.tables").bone_settings():
                 if is_of_rest != (holder is bone) and not name.startswith(("lock_ik", "use_ik_limit")):
                     value = [0.001 * next(numbers) for _ in range(count)]
                     setattr(holder, name, value if count > 1 else value[0])

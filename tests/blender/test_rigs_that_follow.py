@@ -254,8 +254,8 @@ def test_a_wrong_leader_is_noticed(led):
     assert np.array_equal(bones, matrices_of(leader.ob)[:, :4])
     bones[2, 0, 3] += 0.1
     leader.passing = 4, moment
-    found = addon_module("frozen.leading").inputs(led.rig, [4])
-    right = addon_module("frozen.leading").inputs(led.rig, [4.25])
+    found = addon_module("played.leading").inputs(led.rig, [4])
+    right = addon_module("played.leading").inputs(led.rig, [4.25])
     assert found.keys() == right.keys() and any(abs(found[name] - right[name]).max() > 0.09 for name in found)
 
 
@@ -275,7 +275,7 @@ def edit_a_key_meanwhile(led):
         curve.update()
     led.led[0].tries_to_skip = 9
     led.rig.last = None
-    addon_module("frozen.changes").drop_all(led.rig)
+    addon_module("played.changes").drop_all(led.rig)
 
 
 @pytest.mark.parametrize("edit", (leave_unkeyed, edit_a_key_meanwhile))
@@ -293,7 +293,7 @@ def test_what_is_not_known_of_a_leader_is_no_fault_of_the_one_that_follows(led, 
 
 def test_paths_of_bones(led):
     accelerate(led)
-    ((points, now),) = addon_module("frozen.paths").around([(led.rig.ob, "bone4")], 4, 3)
+    ((points, now),) = addon_module("onion.motion_paths").around([(led.rig.ob, "bone4")], 4, 3)
     for frame, point in zip(range(1, 8), points):
         led.scene.frame_set(frame)
         bone = led.live[0].evaluated_get(layer().depsgraph).pose.bones["bone4"]

@@ -102,7 +102,7 @@ def test_blender_does_not_evaluate_its_bones_again(cast, monkeypatch):
     cast.accelerate()
     cast.scene.frame_set(4)
     copy = cast.frozen[0].evaluated_get(depsgraph())
-    monkeypatch.setattr(addon_module("frozen.playing"), "_has_work", lambda: False)
+    monkeypatch.setattr(addon_module("played.playing"), "_has_work", lambda: False)
     before = np.array([bone.matrix for bone in copy.pose.bones])
     cast.scene.frame_set(9)
     assert np.array_equal([bone.matrix for bone in copy.pose.bones], before)

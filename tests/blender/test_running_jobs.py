@@ -68,7 +68,7 @@ def switch_off_and_on(cast):
 
 def compare(cast):
     cast.rig.source.compared.clear()
-    addon_module("frozen.comparing").compare(cast.rig, cast.scene)
+    addon_module("played.comparing").compare(cast.rig, cast.scene)
     freezing().keep_frozen(cast.scene, layer())
     assert not cast.rig.source.compared
 
@@ -94,12 +94,12 @@ def accelerate_or_freeze(cast):
 
 def test_the_timer_tries_again_after_it(cast, monkeypatch):
     """Though nothing was evaluated since."""
-    handlers = addon_module("frozen.handlers")
+    handlers = addon_module("played.frame_handlers")
     accelerate(cast)
     with Job(monkeypatch):
         freezing().keep_frozen(cast.scene, layer())
         assert not cast.rig.is_frozen
-    handlers._tried = addon_module("frozen.playing").evaluation_count(), False
+    handlers._tried = addon_module("played.playing").evaluation_count(), False
     with Job(monkeypatch):
         handlers.freeze_again()
     handlers.freeze_again()

@@ -63,7 +63,7 @@ def bare_armatures(number):
 
 
 def test_a_chain_of_objects_is_walked_once(fresh_scene):
-    dependencies, followers = addon_module("blender.dependencies"), addon_module("frozen.followers")
+    dependencies, followers = addon_module("blender.dependencies"), addon_module("played.followers")
     armature, last = make_armature(), chain_of_links()
     constrain(armature, "bone2", "COPY_LOCATION", target=last)
     with at_most(LINKS, dependencies, "followed_by"):
@@ -74,7 +74,7 @@ def test_a_chain_of_objects_is_walked_once(fresh_scene):
 
 
 def test_a_circle_of_objects_stays_unless_one_of_them_moves(fresh_scene):
-    followers, last = addon_module("frozen.followers"), chain_of_links()
+    followers, last = addon_module("played.followers"), chain_of_links()
     first = bpy.data.objects["link 0"]
     first.constraints.new("COPY_SCALE").target = last
     assert followers.not_still([first, last], None) == []
@@ -84,7 +84,7 @@ def test_a_circle_of_objects_stays_unless_one_of_them_moves(fresh_scene):
 
 @pytest.mark.parametrize("steps", ((1, 2), (-1, 1)), ids=("in a circle", "mutually"))
 def test_rigs_that_follow_each_other_are_walked_once(fresh_scene, steps):
-    names = "blender.dependencies", "frozen.rigs", "frozen.leading"
+    names = "blender.dependencies", "played.rigs", "played.leading"
     dependencies, rigs, leading = map(addon_module, names)
     own = bare_armatures(RIGS)
     for i, ob in enumerate(own):
@@ -112,14 +112,14 @@ def test_a_rig_comes_after_those_that_it_follows(fresh_scene):
 
 def test_each_of_many_leaders_is_asked_for_keyframes_once(fresh_scene):
     """Of rigs without keyframes, each of which follows all those before it."""
-    rigs, own = addon_module("frozen.rigs"), bare_armatures(LINKS)
+    rigs, own = addon_module("played.rigs"), bare_armatures(LINKS)
     for i, ob in enumerate(own):
         for leader in own[:i]:
             constrain(ob, "bone", "COPY_ROTATION", target=leader, subtarget="bone")
     graph, known = depsgraph(), [rigs.learn(ob) for ob in own]
     for i, rig in enumerate(known):
         rig.source.program = object()
-        rig.source.leaders = tuple(addon_module("frozen.leading").Leader(each, None, {}, {}) for each in known[:i])
+        rig.source.leaders = tuple(addon_module("played.leading").Leader(each, None, {}, {}) for each in known[:i])
     with at_most(LINKS, rigs, "evaluated_copy"), at_most(0, addon_module("blender.dependencies"), "outside_of"):
         assert rigs.is_without_keys(known[-1], graph)
 
@@ -149,7 +149,7 @@ def test_frames_of_a_long_range_are_compared_without_looking_at_all(cast):
     while not cast.rig.source.is_proven:
         assert accelerating().step(cast.scene, layer(), evaluations())
     cast.rig.source.compared = Asked()
-    addon_module("frozen.comparing").compare(cast.rig, cast.scene)
+    addon_module("played.comparing").compare(cast.rig, cast.scene)
     freezing().keep_frozen(cast.scene, layer())
     assert len(cast.rig.source.compared) > 1
     cast.rig.source.compared = Asked()
@@ -162,10 +162,10 @@ def test_frames_of_a_long_range_are_compared_without_looking_at_all(cast):
 @pytest.mark.parametrize("compared", (set(), {3, 7, 200}, set(range(-4, 20)), set(range(-10, 100))))
 def test_each_frame_that_was_not_compared_comes_once(compared):
     frames = range(-5, 25)
-    found = list(addon_module("frozen.comparing").lacking(frames, compared))
+    found = list(addon_module("played.comparing").lacking(frames, compared))
     assert sorted(found) == [frame for frame in frames if frame not in compared]
     assert len(found) < 3 or any(
-        list(addon_module("frozen.comparing").lacking(frames, compared)) != found for _ in range(20)
+        list(addon_module("played.comparing").lacking(frames, compared)) != found for _ in range(20)
     )
 
 
@@ -195,13 +195,13 @@ class Characters:
         scene.frame_set(1)
 
     def tick(self):
-        handlers = addon_module("frozen.handlers")
+        handlers = addon_module("played.frame_handlers")
         handlers._paused_until = 0.0
         handlers.freeze_again()
 
     def settle(self):
         """What the timer does until nothing is left to do."""
-        handlers = addon_module("frozen.handlers")
+        handlers = addon_module("played.frame_handlers")
         self.tick()
         for _ in range(10 * len(self.armatures)):
             self.tick()
@@ -225,11 +225,11 @@ def characters(fresh_scene, monkeypatch):
 def test_a_timer_asks_nothing_of_a_file_at_rest(characters):
     other_objects(1000)
     characters.settle()
-    names = ("frozen.accelerating", "_armatures"), ("run.characters", "_gather"), ("blender.dependencies", "outside_of")
+    names = ("played.accelerating", "_armatures"), ("run.characters", "_gather"), ("blender.dependencies", "outside_of")
     with ExitStack() as counting:
-        for where, name in (*names, ("frozen.rigs", "get"), ("blender.armatures", "of_modifiers")):
+        for where, name in (*names, ("played.rigs", "get"), ("blender.armatures", "of_modifiers")):
             counting.enter_context(at_most(0, addon_module(where), name))
-        for _ in range(2 * addon_module("frozen.handlers").LOOKS_BEFORE_COMPARING):
+        for _ in range(2 * addon_module("played.frame_handlers").LOOKS_BEFORE_COMPARING):
             characters.tick()
             addon_module("main.handlers").look_into_the_mail()
             addon_module("ui.onion_skins").fill()
@@ -238,7 +238,7 @@ def test_a_timer_asks_nothing_of_a_file_at_rest(characters):
 @pytest.mark.parametrize("is_done", (False, True), ids=("accelerating", "comparing"))
 def test_a_timer_pauses_for_longer_than_a_step_has_taken(characters, monkeypatch, is_done):
     """However long Blender takes to build relations, there is time for whoever works."""
-    handlers, clock, steps = addon_module("frozen.handlers"), [100.0], []
+    handlers, clock, steps = addon_module("played.frame_handlers"), [100.0], []
 
     def step(*_):
         steps.append(clock[0])
@@ -263,7 +263,7 @@ def test_a_timer_looks_at_idle_rigs_no_further_after_an_edit(characters):
     characters.settle()
     bpy.data.objects["other 7"].location.x = 1
     layer().update()
-    counted = ("blender.dependencies", "outside_of"), ("frozen.accelerating", "_work"), ("run.characters", "_gather")
+    counted = ("blender.dependencies", "outside_of"), ("played.accelerating", "_work"), ("run.characters", "_gather")
     with ExitStack() as counting:
         counting.enter_context(at_most(1, accelerating(), "_armatures"))
         for where, name in counted:
@@ -295,7 +295,7 @@ def test_what_a_file_uses_is_found_once_for_all_rigs(characters, monkeypatch):
 
 def test_a_full_store_drops_as_much_as_it_gets(monkeypatch):
     """However much it holds."""
-    records = addon_module("frozen.records")
+    records = addon_module("played.records")
 
     class Moment:
         nbytes = 1

@@ -235,7 +235,7 @@ def test_it_is_posed_and_not_built_again(strips, monkeypatch):
     accelerate(strips)
     strips.scene.frame_set(4)
     select(strips.frozen[0])
-    computing, built = addon_module("frozen.computing"), []
+    computing, built = addon_module("played.computing"), []
     read = computing.read
     monkeypatch.setattr(computing, "read", lambda *arguments: built.append(read(*arguments)))
     for distance in (0.5, 0.2, -1.7):

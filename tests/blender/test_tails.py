@@ -847,11 +847,11 @@ def bits(searching):
 
 @needs_rig_programs
 def test_a_search_thaws_rigs_once(fresh_scene, searching, monkeypatch):
-    monkeypatch.setattr(addon_module("frozen.accelerating"), "LEAST_WORK", 0)
+    monkeypatch.setattr(addon_module("played.accelerating"), "LEAST_WORK", 0)
     pairs = bound(character_with(*PAIRS["subdivision"]))
     find_stencils()
-    accelerating, freezing = addon_module("frozen.accelerating"), addon_module("frozen.freezing")
-    rig = addon_module("frozen.rigs").learn(pairs[0][0].parent)
+    accelerating, freezing = addon_module("played.accelerating"), addon_module("played.freezing")
+    rig = addon_module("played.rigs").learn(pairs[0][0].parent)
     accelerating.accelerate(fresh_scene, bpy.context.view_layer)
     assert rig.is_frozen
     thawed = count = 0

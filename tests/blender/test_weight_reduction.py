@@ -56,7 +56,7 @@ def counts(ob):
 
 def reduction(ob, most, rings=0, tolerance=0.0):
     """A computed one that is not written, on all frames."""
-    reducing, poses = addon_module("weights.reducing"), addon_module("weights.poses")
+    reducing, poses = addon_module("weights.reducing"), addon_module("weights.judging_poses")
     made = reducing.Reduction(
         ob,
         lambda armature, names: poses.on_frames(bpy.context, armature, names, FRAMES),
@@ -159,7 +159,7 @@ def test_test_poses_turn_each_bone_and_what_hangs_on_it():
     armature.matrix_world = places()["uneven"]
     bpy.context.view_layer.update()
     names = ["bone1", "side", "bone3"]
-    found = addon_module("weights.poses").in_test_poses(armature, names)
+    found = addon_module("weights.judging_poses").in_test_poses(armature, names)
     assert found.shape == (12, 3, 4, 4)
     place = np.array(armature.matrix_world)
     for bone in armature.pose.bones:
@@ -185,7 +185,7 @@ def test_test_poses_need_no_animation():
 
 
 def test_the_frames_are_spread_over_the_range():
-    spread = addon_module("weights.poses").spread
+    spread = addon_module("weights.judging_poses").spread
     assert spread(3, 6) == [3, 4, 5, 6] and spread(5, 5) == [5]
     assert len(spread(1, 1000)) == 50 and spread(1, 1000)[::49] == [1, 1000]
     with pytest.raises(ValueError, match=r"the last frame \(2\) comes before the first \(7\): swap them"):

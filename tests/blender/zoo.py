@@ -55,7 +55,7 @@ class Zoo:
         for each in self.animals.values():
             accelerate(each.ob)
         select()
-        self.rig = addon_module("frozen.rigs").learn(self.frozen)
+        self.rig = addon_module("played.rigs").learn(self.frozen)
         self.features = addon_module("host.features")
 
     def _armatures(self):
@@ -186,7 +186,7 @@ class Zoo:
     def freeze(self):
         """Freezes one of them, if that is possible, and plays. Returns whether it was frozen, and what is wrong, as
         sentences."""
-        freezing = addon_module("frozen.freezing")
+        freezing = addon_module("played.freezing")
         freezing.freeze([self.rig], self.scene, bpy.context.view_layer)
         was_frozen, wrong = self.rig.is_frozen, self.play(range(4, 6))
         if was_frozen == bool(self.rig.reason):

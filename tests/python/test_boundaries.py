@@ -22,8 +22,9 @@ LAYERS = (
     {"chain"},
     {"run"},
     {"install", "stencils", "weights"},
-    {"main", "rig_programs", "rigs"},
-    {"frozen"},
+    {"description", "main", "rig_files"},
+    {"played"},
+    {"onion"},
     {"bake", "profiling"},
     {"crowd", "to_bones"},
     {"ui", "cli", "without_native"},
@@ -58,8 +59,8 @@ PURE = {
     "crowd.stride",
     "deform.clips",
     "deform.influences",
-    "frozen.records",
-    "frozen.stored_keys",
+    "played.records",
+    "played.stored_keys",
     "host.features",
     "host.members",
     "native",
@@ -70,7 +71,7 @@ PURE = {
     "plan.situation",
     "plan.ways",
     "profiling.costs",
-    "rig_programs.paths",
+    "description.rna_paths",
     "run.mail",
     "to_bones.joints",
     "weights.bone_segments",
@@ -134,11 +135,11 @@ def test_imports_are_seen(tmp_path):
     path.parent.mkdir()
     path.write_text(
         "import os.path, bpy as b\ndef f():\n  from bpy_extras.io import x\n"
-        "  from . import b\nfrom .c import D\nfrom ..rigs.d import e\nfrom .. import native\n"
+        "  from . import b\nfrom .c import D\nfrom ..rig_files.d import e\nfrom .. import native\n"
     )
-    names = {"ui.a", "ui.b", "ui.c", "rigs.d", "native", "b"}
-    assert imported(path, names, tmp_path) == {"ui.b", "ui.c", "rigs.d", "native"}
-    assert packages_of(path) == {"os", "bpy", "bpy_extras", "b", "c", "rigs", "native"}
+    names = {"ui.a", "ui.b", "ui.c", "rig_files.d", "native", "b"}
+    assert imported(path, names, tmp_path) == {"ui.b", "ui.c", "rig_files.d", "native"}
+    assert packages_of(path) == {"os", "bpy", "bpy_extras", "b", "c", "rig_files", "native"}
 
 
 def test_every_folder_has_a_layer():

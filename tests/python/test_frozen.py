@@ -14,7 +14,7 @@ import sinew_native
 
 package = sys.modules["sinew_alone"] = types.ModuleType("sinew_alone")
 package.__path__ = [str(Path(__file__).resolve().parents[2] / "addon" / "sinew")]
-records, stored_keys = (importlib.import_module(f"sinew_alone.frozen.{name}") for name in ("records", "stored_keys"))
+records, stored_keys = (importlib.import_module(f"sinew_alone.played.{name}") for name in ("records", "stored_keys"))
 host = sinew_native.host
 
 
@@ -379,7 +379,7 @@ def test_which_curves_differ():
 
 
 def test_the_states_are_set_in_one_module():
-    """frozen/freezing.py draws them."""
+    """played/freezing.py draws them."""
     found = set()
     for path in (Path(__file__).resolve().parents[2] / "addon" / "sinew").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..blender import animation, meshes, nodes, values
-from ..frozen import accelerating
+from ..played import accelerating
 
 
 def objects_to_bake(context: bpy.types.Context, names: Iterable[str]) -> list[bpy.types.Object]:

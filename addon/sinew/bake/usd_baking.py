@@ -11,9 +11,9 @@ import numpy as np
 from ..blender import bounds
 from . import evaluation, part_files, usd
 from .baked import Baked
-from .character import LinearCharacter, NotLinear
 from .job import Job
 from .shapes import Shapes
+from .skinned_mesh import LinearCharacter, NotLinear
 
 TOLERANCE = 1e-5  # how far skinning may differ from Blender's result, as a fraction of the diagonal
 

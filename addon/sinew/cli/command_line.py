@@ -22,8 +22,18 @@ import bpy
 from ..install import bind
 from ..plan import bindable
 from ..profiling import costs, measure
-from ..rigs import rig_export, rig_import
-from . import bake, bench, command_options, reports, rig, to_bones, weight_options, weight_tools, weights
+from ..rig_files import rig_export, rig_import
+from . import (
+    bake_command,
+    bench_command,
+    command_options,
+    output,
+    rig_command,
+    to_bones_command,
+    weight_options,
+    weight_tools_command,
+    weights_command,
+)
 from .option_types import identifier
 
 
@@ -64,8 +74,8 @@ def info(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
         raise ValueError("--frames needs --profile")
     if options.path.endswith(".blend"):
         open_blend(options.path)
-        return reports.report_meshes(options.path, bench.deformed_meshes(bpy.data.objects))
-    return reports.report_rig(skeleton_path(options.path), import_options(options))
+        return output.report_meshes(options.path, bench_command.deformed_meshes(bpy.data.objects))
+    return output.report_rig(skeleton_path(options.path), import_options(options))
 
 
 def profile(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
@@ -73,7 +83,7 @@ def profile(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
         raise ValueError(f"--profile needs a .blend file, which {options.path} is not")
     open_blend(options.path)
     found = measure.run(bpy.context, *(options.frames or costs.frames_of(bpy.context.scene)))
-    return reports.report_profile(options.path, found)
+    return output.report_profile(options.path, found)
 
 
 def import_(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
@@ -87,7 +97,7 @@ def import_(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
         bpy.ops.wm.save_as_mainfile(filepath=options.blend)  # writes a temporary file, then renames it
     except RuntimeError as error:
         raise ValueError(sentence(error)) from error
-    return reports.report_meshes(options.blend, [mesh_object])
+    return output.report_meshes(options.blend, [mesh_object])
 
 
 def export(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
@@ -99,7 +109,7 @@ def export(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     os.makedirs(options.folder, exist_ok=True)
     path = os.path.join(options.folder, "skeleton.bf")
     rig_export.export_rig(bpy.context, ob, path, identifier(options.animation), options.up_axis)
-    return reports.report_rig(path, rig_import.ImportOptions())
+    return output.report_rig(path, rig_import.ImportOptions())
 
 
 def run_bench(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
@@ -107,18 +117,18 @@ def run_bench(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
         open_blend(options.path)
     else:
         import_into_empty_file(options)
-    contest = bench.set_up(identifier(options.output), options.frames)
+    contest = bench_command.set_up(identifier(options.output), options.frames)
     methods = command_options.BLENDERS_METHODS if options.methods == "both" else (options.methods,)
     results = []
     for method in methods:
-        bench.set_method(contest, identifier(method))
-        distance, motion = bench.compare(contest)  # first, since it warms everything up
+        bench_command.set_method(contest, identifier(method))
+        distance, motion = bench_command.compare(contest)  # first, since it warms everything up
         if motion == 0:
             raise ValueError(
                 f"nothing moves on these {options.frames} frames, so there is nothing to measure: choose more with "
                 "--frames"
             )
-        times = bench.measure(contest)
+        times = bench_command.measure(contest)
         results.append(
             {
                 "method": method,
@@ -127,23 +137,23 @@ def run_bench(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
                 "largest_motion": motion,
             }
         )
-    return reports.report_bench(options, contest, results)
+    return output.report_bench(options, contest, results)
 
 
 def run_bake(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
-    return bake.run(options, open_blend)
+    return bake_command.run(options, open_blend)
 
 
 def run_to_bones(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
-    return to_bones.run(options, open_blend)
+    return to_bones_command.run(options, open_blend)
 
 
 def run_weights(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
-    return weights.run(options, open_blend)
+    return weights_command.run(options, open_blend)
 
 
 def run_weight_tool(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
-    return weight_tools.COMMANDS[options.command](options, open_blend)
+    return weight_tools_command.COMMANDS[options.command](options, open_blend)
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], tuple[Any, ...]]] = {
@@ -151,10 +161,10 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], tuple[Any, ...]]] = {
     "import": import_,
     "export": export,
     "weights": run_weights,
-    **dict.fromkeys(weight_tools.COMMANDS, run_weight_tool),
+    **dict.fromkeys(weight_tools_command.COMMANDS, run_weight_tool),
     "bake": run_bake,
     "bake-to-bones": run_to_bones,
-    "rig": lambda options: rig.run(options, open_blend),
+    "rig": lambda options: rig_command.run(options, open_blend),
     "bench": run_bench,
 }
 
@@ -222,7 +232,7 @@ def import_into_empty_file(options: argparse.Namespace) -> bpy.types.Object:
 
 def chosen_mesh(name: str | None) -> bpy.types.Object:
     """Returns the mesh object of that name, or without a name the only deformed one. Raises ValueError."""
-    meshes = bench.deformed_meshes(bpy.data.objects)
+    meshes = bench_command.deformed_meshes(bpy.data.objects)
     names = ", ".join(ob.name_full for ob in meshes) or "none"
     if name is None and len(meshes) == 1:
         return meshes[0]

@@ -15,7 +15,7 @@ import numpy as np
 from ..blender import meshes, values
 from ..deform.clips import MatrixClip, RotationClip
 from ..native import sinew_native
-from ..rigs import rig_import
+from ..rig_files import rig_import
 from . import stride
 
 

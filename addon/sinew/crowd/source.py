@@ -7,7 +7,7 @@ import bpy
 
 from ..bake import evaluation
 from ..plan import bindable
-from ..rigs import rig_import
+from ..rig_files import rig_import
 from . import phases
 
 PROPERTY = "sinew_crowd"  # custom property of the crowd's object: its Source

@@ -2,8 +2,8 @@
 
 If Blender has a clock for each modifier (4.x and later), that clock is read. Everything else is measured by its
 absence: a few frames are played with it, without it, and with it again. Modifiers that do not affect it are switched
-off then, since their noise would hide its cost; armatures are played without anything else (rigs.py). Each absence ends
-with its block of frames, so between two steps of `steps` the file is unchanged.
+off then, since their noise would hide its cost; armatures are played without anything else (armatures_alone.py). Each
+absence ends with its block of frames, so between two steps of `steps` the file is unchanged.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -17,7 +17,7 @@ from ..blender import animation, modifier_types, nodes, values
 from ..main import whole_frames
 from ..plan import bindable, survey, ways, wiring
 from ..run import characters
-from . import absences, costs, rigs
+from . import absences, armatures_alone, costs
 from .costs import CLOCK, DIFFERENCE, OWN_CLOCK, ObjectCost, Part
 
 # What is played: everything; only what Sinew may take over, and nothing after that; only keys and Armature modifiers.
@@ -128,18 +128,19 @@ def _play(context, frames, subjects=()):
 
 
 def _subjects(context):
-    """Returns the visible objects, including instanced ones, and the evaluated armatures; and these as rigs.Rigs."""
+    """Returns the visible objects, including instanced ones, and the evaluated armatures; and these as
+    armatures_alone.Rigs."""
     depsgraph = context.evaluated_depsgraph_get()
     shown = dict.fromkeys(instance.object.original for instance in depsgraph.object_instances)
-    armatures = rigs.evaluated_armatures(shown)
+    armatures = armatures_alone.evaluated_armatures(shown)
     depsgraph = context.evaluated_depsgraph_get()
     found = [_Subject(ob, depsgraph) for ob in {**shown, **dict.fromkeys(armatures)}]
     _share_keys(found)
     for subject in found:
         if subject.ob.type == "MESH" and not subject.ob.sinew.is_bound:
             subject.try_accelerate()
-    alone = rigs.Rigs([(subject.ob, subject.cost.parts[0]) for subject in found if subject.ob.type == "ARMATURE"])
-    return [subject for subject in found if subject.cost.parts or subject.absences], alone
+    rigs = [(subject.ob, subject.cost.parts[0]) for subject in found if subject.ob.type == "ARMATURE"]
+    return [subject for subject in found if subject.cost.parts or subject.absences], armatures_alone.Rigs(rigs)
 
 
 def _animated(context, armatures):
@@ -147,8 +148,8 @@ def _animated(context, armatures):
     evaluated ones, since `depsgraph.ids` lacks hidden armatures."""
     hooks = [wiring.find_hook(ob) for ob in characters.bound_objects()]
     blocks = [block.original for block in context.evaluated_depsgraph_get().ids if hasattr(block, "animation_data")]
-    blocks += rigs.blocks_of(armatures)
-    found = zip(("Keyframes", "Drivers"), ("KEYFRAMES", "DRIVERS"), rigs.unmuted_curves(blocks, hooks))
+    blocks += armatures_alone.blocks_of(armatures)
+    found = zip(("Keyframes", "Drivers"), ("KEYFRAMES", "DRIVERS"), armatures_alone.unmuted_curves(blocks, hooks))
     return [
         _Absence("the scene", [Part(name, kind, None, DIFFERENCE)], absences.still, curves, BARE)
         for name, kind, curves in found

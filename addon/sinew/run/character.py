@@ -14,8 +14,8 @@ from ..host import switches
 from ..plan import plans, runs, ways
 from . import graph_copies, standing_aside
 from .graph_copy import GraphCopy
+from .mesh_reading import Shared
 from .planning import Planning
-from .reading import Shared
 from .status import Status
 
 # Modes in which Blender's tools do not need to know which vertex of the mesh one of the result was made from. Where all

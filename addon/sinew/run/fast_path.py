@@ -11,7 +11,7 @@ from typing import Any
 
 from ..blender import nodes
 from ..chain import bone_editions, layers, living
-from ..host import contract, features, motions, places, switches, watch
+from ..host import contract, features, motions, places, switches, watched_tree
 from ..native import sinew_native
 from ..plan import wiring
 from . import standing_aside, switching
@@ -89,7 +89,7 @@ class Shortcut:
         self._mesh = wiring.source_of(hook)
         has_keys, keys = plan.way.has_keys, copy.reading.keys
         key_block = wiring.waits_for(hook, "mesh").shape_keys if has_keys else None
-        watched = watch.Tree(ob)
+        watched = watched_tree.Tree(ob)
         if copy.goes_through_canvas():
             watched.add_canvas(wiring.target_of(hook, "canvas"), self._mesh)
             for name in ("mesh", "copied") if plan.way.has_copy else ():
@@ -121,7 +121,7 @@ class Shortcut:
             [(places.place_at(ob), places.place_at(armature)) for armature in armatures],
             modes,
             chain.stages_at(ob),
-            watch.key_source(key_block, keys.relative, keys.base) if has_keys else None,
+            watched_tree.key_source(key_block, keys.relative, keys.base) if has_keys else None,
             chain.rest_of_stages(),
             kept,
             self._identity,
@@ -197,7 +197,8 @@ def _live_stages(copy: Any, ob: Any) -> list[tuple[int, str]]:
     return [
         (number, name)
         for number, name in enumerate(copy.chain.stage_names(ob))
-        if name in ob.modifiers and (name in copy.driven_settings or not watch.can_watch(ob.modifiers[name].type))
+        if name in ob.modifiers
+        and (name in copy.driven_settings or not watched_tree.can_watch(ob.modifiers[name].type))
     ]
 
 

@@ -17,7 +17,7 @@ from ..host import marks
 from ..plan import animated, ways
 from . import switching
 from .fast_path import FastPath
-from .reading import Reading
+from .mesh_reading import Reading
 
 # Modes in which each dab of a brush changes the mesh.
 PAINTING = {"WEIGHT_PAINT", "VERTEX_PAINT"}

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..bake import character, evaluation
+from ..bake import evaluation, skinned_mesh
 from ..bake.frame_range import FrameRange
 from ..blender import armatures, values
 from ..weights import solid
@@ -152,7 +152,7 @@ def _read_joints(rig, world, origin):
         parents.append(-1 if parent is None else number[parent.name])
     world = world.copy()
     world[:3, 3] -= origin
-    rest = np.array([character.rigid(world @ values.matrix_to_numpy(bone.matrix_local)) for bone in bones])
+    rest = np.array([skinned_mesh.rigid(world @ values.matrix_to_numpy(bone.matrix_local)) for bone in bones])
     size = abs(np.linalg.det(world[:3, :3])) ** (1 / 3)
     lengths = np.maximum(SHORTEST_BONE, [size * bone.length for bone in bones])
     return Joints(tuple(bone.name for bone in bones), np.array(parents), rest, lengths)

@@ -9,7 +9,7 @@ from mathutils import Matrix
 
 from ..bake.frame_range import FrameRange
 from ..blender import meshes, nodes, weight_writing
-from ..rigs import clip_keyframes, rig_import
+from ..rig_files import clip_keyframes, rig_import
 from . import joints as joint_motions
 from .joints import Joints, Keys
 from .sampling import Clip

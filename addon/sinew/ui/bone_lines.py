@@ -6,10 +6,10 @@ import numpy as np
 from bpy.props import EnumProperty
 from gpu_extras.batch import batch_for_shader
 
+from ..blender.drawn import Drawn
 from ..feedback import notice
 from ..weights import assigning, bone_segments
 from .display import armature_of
-from .drawn import Drawn
 from .weights import ENDS
 
 COLOR = (1.0, 0.55, 0.1, 1.0)

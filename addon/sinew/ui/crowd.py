@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ..crowd import crowd, source
+from ..crowd import making, source
 from ..feedback import progress
 
 
@@ -55,7 +55,7 @@ class AddCrowd(bpy.types.Operator):
             with progress.shown(context) as shown:
                 origin = self.source(context)
                 made = origin.phases(context, shown)
-                ob = crowd.build(context, made, self.agents, path, self.lanes, self.seed)
+                ob = making.build(context, made, self.agents, path, self.lanes, self.seed)
         except (ValueError, OSError, MemoryError) as error:
             return fail(self, error)
         origin.keep(ob)
@@ -90,7 +90,7 @@ class RenewCrowd(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         ob = context.active_object
-        return context.mode == "OBJECT" and ob is not None and crowd.modifier_of(ob) is not None
+        return context.mode == "OBJECT" and ob is not None and making.modifier_of(ob) is not None
 
     def execute(self, context):
         ob = context.active_object
@@ -102,7 +102,7 @@ class RenewCrowd(bpy.types.Operator):
                 made = origin.phases(context, shown)
         except (ValueError, OSError, MemoryError) as error:
             return fail(self, error)
-        crowd.renew(context.scene, ob, made)
+        making.renew(context.scene, ob, made)
         self.report({"INFO"}, f"{made.count} shapes of {made.frames:g} frames")
         return {"FINISHED"}
 

@@ -8,9 +8,9 @@ from . import (
     bake,
     crowd,
     cures,
-    frozen,
     method_settings,
     onion_skins,
+    played_rigs,
     to_bones,
     weight_reduction,
     weight_tools,
@@ -53,10 +53,10 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(bake.TakeOffCache.bl_idname)
         to_bones.draw_operator(layout)
         layout.separator()
-        layout.operator(frozen.Record.bl_idname, icon="REC")
-        layout.operator(frozen.Freeze.bl_idname, icon="FREEZE")
-        layout.operator(frozen.FreezeOthers.bl_idname)
-        layout.operator(frozen.Thaw.bl_idname)
+        layout.operator(played_rigs.Record.bl_idname, icon="REC")
+        layout.operator(played_rigs.Freeze.bl_idname, icon="FREEZE")
+        layout.operator(played_rigs.FreezeOthers.bl_idname)
+        layout.operator(played_rigs.Thaw.bl_idname)
         layout.operator(onion_skins.ToggleOnionSkins.bl_idname, icon="ONIONSKIN_ON")
         layout.separator()
         layout.operator(crowd.RenewCrowd.bl_idname, icon="COMMUNITY")

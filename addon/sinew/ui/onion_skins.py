@@ -3,10 +3,11 @@
 import bpy
 
 from ..feedback import notice
-from ..frozen import freezing, ghosts, playing, rigs
 from ..host import evaluations
-from ..main import callbacks
-from . import frozen, ghost_drawing, onion_settings, path_drawing, preferences
+from ..main import addon_preferences, callbacks
+from ..onion import ghost_drawing, ghosts, onion_settings, path_drawing
+from ..played import freezing, playing, rigs
+from . import played_rigs
 from .panels import InSidebar
 
 SECONDS_BETWEEN_LOOKS = 0.3
@@ -24,10 +25,10 @@ class ToggleOnionSkins(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return bool(frozen.chosen(context))
+        return bool(played_rigs.chosen(context))
 
     def execute(self, context):
-        armatures = [ob for ob in frozen.chosen(context) if rigs.has_animation(ob)]
+        armatures = [ob for ob in played_rigs.chosen(context) if rigs.has_animation(ob)]
         if not armatures:
             self.report({"ERROR"}, "the selected characters have no keyframes, so there is nothing to show")
             return {"CANCELLED"}
@@ -51,7 +52,7 @@ def fill() -> float:
     """Has ghosts around the current frame made that are missing, as a timer, once nothing has been evaluated for a
     moment. Returns the seconds until the next call."""
     global _seen, _looks
-    context, settings = bpy.context, preferences.of_sinew()
+    context, settings = bpy.context, addon_preferences.of_sinew()
     if context.window is None or settings is None or not ghosts.shown() or evaluations.is_job_running():
         return SECONDS_BETWEEN_LOOKS
     now = playing.evaluation_count()
@@ -69,7 +70,7 @@ def fill() -> float:
 
 def are_shown(context: bpy.types.Context) -> bool:
     """Whether all selected characters have ghosts."""
-    own = [rigs.get(ob) for ob in frozen.chosen(context)]
+    own = [rigs.get(ob) for ob in played_rigs.chosen(context)]
     return bool(own) and all(rig is not None and rig.skins is not None for rig in own)
 
 
@@ -79,7 +80,7 @@ class SidebarOnionSkins(InSidebar, bpy.types.Panel):
 
     def draw(self, context):
         self.layout.operator(ToggleOnionSkins.bl_idname, icon="ONIONSKIN_ON", depress=are_shown(context))
-        settings = preferences.of_sinew(context)
+        settings = addon_preferences.of_sinew(context)
         if settings is not None:
             onion_settings.draw(self.layout, settings.onion)
 

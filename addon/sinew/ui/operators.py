@@ -8,11 +8,11 @@ from bpy.props import EnumProperty
 
 from ..clips import clip_store
 from ..feedback import progress
-from ..frozen import accelerating, freezing
 from ..install import bind
 from ..main import properties, whole_frames
 from ..plan import bindable
-from ..rigs import clip_keyframes
+from ..played import accelerating, freezing
+from ..rig_files import clip_keyframes
 from ..run import characters
 
 

@@ -2,18 +2,17 @@
 
 import logging
 from pathlib import Path
-from typing import Any
 
 import bpy
 from bpy.props import EnumProperty, IntProperty, PointerProperty, StringProperty
 
-from ..frozen import rigs
+from ..main import addon_preferences
 from ..native import sinew_native
+from ..onion import onion_settings
+from ..played import rigs
 from ..run import characters
-from . import onion_settings
 
 log = logging.getLogger("sinew")
-ADDON = __package__.rpartition(".")[0]
 MANUAL = Path(__file__).parents[1] / "manual" / "README.html"
 
 # Blender stores these numbers, so they must be the same on every machine.
@@ -35,12 +34,6 @@ INSTRUCTION_SETS = [
         for i, name in enumerate(sinew_native.instruction_sets())
     ),
 ]
-
-
-def of_sinew(context: bpy.types.Context | None = None) -> Any:
-    """Returns the add-on's preferences, or None if the add-on runs without being enabled there."""
-    addon = (context or bpy.context).preferences.addons.get(ADDON)
-    return addon.preferences if addon else None
 
 
 def _apply(preferences, _context=None):
@@ -74,7 +67,7 @@ def _close_log():
 
 
 class SinewPreferences(bpy.types.AddonPreferences):
-    bl_idname = ADDON
+    bl_idname = addon_preferences.ADDON
 
     thread_count: IntProperty(
         name="Threads",
@@ -139,7 +132,7 @@ CLASSES = (onion_settings.SinewOnionSettings, OpenManual, SinewPreferences)
 def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
-    preferences = of_sinew()
+    preferences = addon_preferences.of_sinew()
     if preferences:
         _apply(preferences)
         _apply_memory(preferences)

@@ -7,9 +7,9 @@ import bpy
 import gpu
 from gpu_extras.batch import batch_for_shader
 
-from ..frozen import rigs
-from . import frozen
-from .drawn import Drawn
+from ..blender.drawn import Drawn
+from ..played import rigs
+from . import played_rigs
 
 MOST_STRIPS = 8
 RULER, HEIGHT, GAP = 23, 3, 1  # of the frame numbers, of a strip, between two: pixels at 100 % interface scale
@@ -28,7 +28,7 @@ class Bar(NamedTuple):
 
 def marked(context: bpy.types.Context) -> list[rigs.Rig]:
     """Returns the characters with a strip: those that are frozen or were, and the selected ones."""
-    selected = frozen.chosen(context)
+    selected = played_rigs.chosen(context)
     found = [rig for rig in rigs.known() if len(rig.record) and (rig.is_wanted or rig.ob in selected)]
     return sorted(found, key=lambda rig: rig.name)[:MOST_STRIPS]
 

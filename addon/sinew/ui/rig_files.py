@@ -10,7 +10,7 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 from ..feedback import progress
 from ..main import properties
 from ..plan import bindable
-from ..rigs import rig_export, rig_import
+from ..rig_files import rig_export, rig_import
 
 
 def files_beside(*suffixes: str) -> dict[str, Any]:

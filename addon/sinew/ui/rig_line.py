@@ -8,9 +8,9 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper
 
+from ..description import reading
 from ..feedback import notice
-from ..frozen import differences, rigs
-from ..rig_programs import reading
+from ..played import differences, rigs
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) -> None:

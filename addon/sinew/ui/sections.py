@@ -7,7 +7,7 @@ import bpy
 from ..bake import mesh_cache
 from ..blender import graph, modifier_types
 from ..clips import clip_store, posing
-from ..crowd import crowd
+from ..crowd import making
 from ..feedback import notice
 from ..main import whole_frames
 from ..native import sinew_native
@@ -35,7 +35,7 @@ def draw_main(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     elif ob is None or ob.type != "MESH":
         layout.label(text="Select a mesh or its armature", icon="INFO")
         layout.operator(ImportRig.bl_idname, icon="IMPORT")
-    elif crowd.modifier_of(ob) is not None:
+    elif making.modifier_of(ob) is not None:
         draw_crowd(layout, ob)
     elif ob.sinew.copy_of is not None:
         layout.label(text=f"Deformed copy of {ob.sinew.copy_of.name}", icon="MESH_DATA")
@@ -69,7 +69,7 @@ def draw_bake_and_crowd(layout: bpy.types.UILayout, context: bpy.types.Context) 
 
 
 def draw_crowd(layout: bpy.types.UILayout, ob: bpy.types.Object) -> None:
-    modifier = crowd.modifier_of(ob)
+    modifier = making.modifier_of(ob)
     layout.label(text="A crowd", icon="COMMUNITY")
     column = layout.column()
     for name in CROWD_SETTINGS:

@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty
 
-from ..to_bones import baking
+from ..to_bones import conversion
 from ..to_bones.report import Report
 from .in_steps import InSteps
 from .operators import selected_meshes
@@ -54,9 +54,11 @@ class ToBonesSettings(OverFrames):
         precision=4,
     )
 
-    def job(self: Any, context: bpy.types.Context) -> baking.Settings:
+    def job(self: Any, context: bpy.types.Context) -> conversion.Settings:
         bones = self.bones if self.source == "NEW" else 0
-        return baking.Settings(self.frames(context.scene), bones, self.max_influences, self.iterations, self.tolerance)
+        return conversion.Settings(
+            self.frames(context.scene), bones, self.max_influences, self.iterations, self.tolerance
+        )
 
 
 def can_bake(context: bpy.types.Context) -> bool:
@@ -113,12 +115,12 @@ class BakeToBonesSteps(ToBonesSettings, InSteps, bpy.types.Operator):
 
     def execute(self, context):
         return self.at_once(
-            lambda: self.finish(context, baking.run(context, selected_meshes(context), self.job(context)))
+            lambda: self.finish(context, conversion.run(context, selected_meshes(context), self.job(context)))
         )
 
     def invoke(self, context, _event):
         return self.at_once(
-            lambda: self.begin(context, baking.steps(context, selected_meshes(context), self.job(context)))
+            lambda: self.begin(context, conversion.steps(context, selected_meshes(context), self.job(context)))
         )
 
     def finish(self, _context: bpy.types.Context, report: Report) -> set[str]:

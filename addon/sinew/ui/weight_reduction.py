@@ -9,7 +9,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
 from ..blender import meshes, units
 from ..feedback import notice, progress
-from ..weights import background, poses, reducing
+from ..weights import background, judging_poses, reducing
 from .weight_tools import EditsWeights, show_in_edit_mode
 
 FRAMES, TEST = "FRAMES", "TEST"
@@ -90,8 +90,8 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
         name="Poses",
         description="In which poses the vertices' moves are measured",
         items=(
-            (FRAMES, "Frames", f"Those of the scene, at most {poses.MOST_FRAMES} of them, evenly spread"),
-            (TEST, "Test Poses", f"Each bone turned to and fro by {poses.TEST_ANGLE:g} degrees about two axes"),
+            (FRAMES, "Frames", f"Those of the scene, at most {judging_poses.MOST_FRAMES} of them, evenly spread"),
+            (TEST, "Test Poses", f"Each bone turned to and fro by {judging_poses.TEST_ANGLE:g} degrees about two axes"),
         ),
     )
     frame_start: IntProperty(
@@ -186,16 +186,16 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
     def pose(self, armature: bpy.types.Object, names: tuple[str, ...]) -> np.ndarray:
         """Returns the matrices of the bones in the poses."""
         if self.poses == TEST:
-            return poses.in_test_poses(armature, names)
+            return judging_poses.in_test_poses(armature, names)
         context, is_set = bpy.context, self.properties.is_property_set
-        frames = poses.spread(
+        frames = judging_poses.spread(
             self.frame_start if is_set("frame_start") else context.scene.frame_start,
             self.frame_end if is_set("frame_end") else context.scene.frame_end,
         )
         key = armature.name, names, frames
         if self._known is None or self._known[0] != key:
             with progress.shown(context) as shown:
-                self._known = key, poses.on_frames(context, armature, names, frames, shown)
+                self._known = key, judging_poses.on_frames(context, armature, names, frames, shown)
         return self._known[1]
 
     def finish(self, context, made):

@@ -16,11 +16,11 @@ began: Counter[str] = Counter()  # steps
 
 
 def freezing():
-    return addon_module("frozen.freezing")
+    return addon_module("played.freezing")
 
 
 def recorded():
-    return addon_module("frozen.rigs")
+    return addon_module("played.rigs")
 
 
 @kind(3)
@@ -53,7 +53,7 @@ def do_nothing(_random):
 
 @kind(1)
 def compare_more(_random):
-    addon_module("frozen.accelerating").compare_more(bpy.context.scene, bpy.context.view_layer)
+    addon_module("played.accelerating").compare_more(bpy.context.scene, bpy.context.view_layer)
 
 
 def count_step():
@@ -63,10 +63,10 @@ def count_step():
 
 def wait():
     """As long as it takes until rigs are accelerated."""
-    accelerating = addon_module("frozen.accelerating")
+    accelerating = addon_module("played.accelerating")
     accelerating.LEAST_WORK, accelerating.MOST_TO_SKIP = 0, 1
     freezing().freeze_again(bpy.context.scene, bpy.context.view_layer)
-    number = addon_module("frozen.playing").evaluation_count()
+    number = addon_module("played.playing").evaluation_count()
     while accelerating.step(bpy.context.scene, bpy.context.view_layer, number):
         pass
     own = [rig for rig in recorded().known() if rig.needs_program]

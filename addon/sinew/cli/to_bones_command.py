@@ -1,0 +1,44 @@
+"""The command `bake-to-bones`: makes an armature and meshes with weights that play meshes of a .blend."""
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+
+from ..bake import evaluation, frame_range
+from ..to_bones import conversion, report
+from .bake_command import names_of
+
+
+def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple[dict[str, Any], str, int]:
+    """Runs the command. Returns the JSON document, the text and the exit code. open_blend(path) opens a file. Raises
+    ValueError, also if the error is larger than --max-error: then nothing is saved."""
+    if options.path:
+        open_blend(options.path)
+    elif not bpy.data.filepath:
+        raise ValueError("no file is open: name one before --command, or after bake-to-bones")
+    if bpy.context.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    scene = bpy.context.scene
+    settings = conversion.Settings(
+        frames=options.frames or frame_range.FrameRange(scene.frame_start, scene.frame_end),
+        bones=0 if options.rig_bones else options.bones,
+        max_influences=options.max_influences,
+        iterations=options.iterations,
+        tolerance=options.tolerance,
+    )
+    objects = evaluation.objects_to_bake(bpy.context, names_of(options.objects))
+    made = conversion.run(bpy.context, objects, settings)
+    if options.max_error is not None and made.largest > options.max_error:
+        raise ValueError(
+            f"the largest error is {made.largest:.3g} ({report.length(made.largest)}), which is more than "
+            f"{options.max_error:g}: allow more bones, influences or iterations"
+        )
+    if options.save:
+        try:
+            bpy.ops.wm.save_mainfile()
+        except RuntimeError as error:
+            raise ValueError(str(error).strip().removeprefix("Error: ")) from error
+    document = {"path": bpy.data.filepath, "saved": options.save, **made.document()}
+    return document, made.sentence(), 0

@@ -1,0 +1,33 @@
+"""Values of shape keys that a rig drives, as if they were properties of the rig."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import bpy
+
+from . import curves, driver_rows, targets
+
+Keyed = tuple[bpy.types.Key, tuple[int, ...]]  # numbers of its keys
+
+
+def path_of(number: int) -> str:
+    """Returns the path of a value in the description. number: among all of them."""
+    return f"key_values[{number}]"
+
+
+def rows_of(
+    keyed: Iterable[Keyed], found: targets.Targets, outside: driver_rows.Outside
+) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+    """Yields the property and the driver of each value. What cannot be said is added to `found.refused`."""
+    chosen = [(keys, keys.key_blocks[i]) for keys, numbers in keyed for i in numbers]
+    for number, (keys, key) in enumerate(chosen):
+        path = path_of(number)
+        limits = {"min": key.slider_min, "max": key.slider_max}
+        curve = keys.animation_data.drivers.find(key.path_from_id("value"))
+        try:
+            if curve is None or curve.mute or not curve.is_valid or not curve.driver.is_valid:
+                raise curves.Refused("it is muted or not valid")
+            driver = driver_rows.driver_elsewhere(path, 0, curve, found, outside)
+            yield {"path": path, "type": "FLOAT", **limits, "value": [key.value]}, driver
+        except curves.Refused as reason:
+            found.refused.append(f"the driver of the shape key {key.name} of {keys.name}: {reason}")

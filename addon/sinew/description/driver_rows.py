@@ -1,0 +1,219 @@
+"""Drivers and animated values as rows."""
+
+import ast
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+
+from ..blender import animation, values
+from ..host import variables
+from . import curves, objects, rna_paths, strips, targets
+
+VARIABLES = {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}
+# Of the rig: what a variable reads of the object itself is outside.
+OF_RIG = ("pose.", '["', "data.")
+
+
+class Outside:
+    """Properties of other data-blocks that drivers read, by name, and objects of which keyframes set some."""
+
+    def __init__(self) -> None:
+        self.read: dict[str, tuple[bpy.types.ID, str]] = {}
+        self.keyed: dict[str, bpy.types.Object] = {}
+        self._animated: dict[int, objects.Animated] = {}
+
+    def row_of(self, block: bpy.types.ID, path: str, found: targets.Targets) -> dict[str, str]:
+        """Returns what a variable says of a property that it reads. Raises Refused."""
+        key = values.key_of(block)
+        if key not in self._animated:
+            self._animated[key] = objects.Animated.of(block)
+        own = rna_paths.normalised(path)
+        if not isinstance(block, bpy.types.Object) or not self._animated[key].has(own):
+            return {"outside": self.name_of(block, path)}
+        if rna_paths.moves_object(own):
+            found.of(block, "")
+        else:
+            self.keyed[block.name_full] = block
+        return {"path": objects.path_of(block, own)}
+
+    def name_of(self, block: bpy.types.ID, path: str) -> str:
+        """Raises Refused for what is no number."""
+        name = f"{block.name_full}: {path}"
+        if name not in self.read:
+            try:
+                value = block.path_resolve(path)
+            except ValueError:
+                value = None
+            if not isinstance(value, int | float):
+                raise curves.Refused(f"it reads {path} of {block.name}, which is no number")
+            self.read[name] = (block, path)
+        return name
+
+    def values(self, depsgraph: bpy.types.Depsgraph | None = None) -> dict[str, float]:
+        """Returns their present values."""
+        return {
+            name: float((block if depsgraph is None else block.evaluated_get(depsgraph)).path_resolve(path))
+            for name, (block, path) in self.read.items()
+        }
+
+
+def blocks_of(ob: bpy.types.Object) -> tuple[tuple[bpy.types.ID, str], ...]:
+    """The data-blocks whose animation poses depend on, and what their paths begin with."""
+    return ((ob, ""), (ob.data, "data."))
+
+
+def curves_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str, Any]]:
+    """Yields the animated values of the rig."""
+    for block, start in blocks_of(ob):
+        if block == ob and strips.play(ob):
+            continue
+        known: dict[str, str | None] = {}  # by the path of curves, of which several have the same: that of their rows
+        try:
+            own = curves.curves_in_effect(block)
+            for curve, row in zip(own, curves.rows_of(own)):
+                if (stored := row["path"]) not in known:
+                    path = path_of(start, stored)
+                    if block == ob and animation.stays(ob, curve):
+                        continue
+                    known[stored] = path if is_wanted(ob, path, found) else None
+                if own_path := known[stored]:
+                    row["path"] = own_path
+                    yield curves.animated(row, curve)
+        except curves.Refused as reason:
+            found.refused.append(str(reason))
+
+
+def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -> Iterator[dict[str, Any]]:
+    """Yields the rig's drivers."""
+    for block, start in blocks_of(ob):
+        own = animation.drivers_of(block)
+        for curve, row, read in zip(own, curves.rows_of(own), variables.read(own)):
+            path = path_of(start, row["path"])
+            if curve.mute or not curve.is_valid or animation.sets_nothing(block, curve):
+                continue
+            try:
+                if not curve.driver.is_valid:
+                    if rna_paths.has_effect(path):
+                        _check_invalid(block, curve)
+                elif is_wanted(ob, path, found):
+                    yield driver_of(path, curve, row, read, found, outside)
+            except curves.Refused as reason:
+                found.refused.append(f"the driver of {path}: {reason}")
+
+
+def _check_invalid(block: bpy.types.ID, curve: bpy.types.FCurve) -> None:
+    """Raises Refused if keyframes set the same as an invalid driver. Blender evaluates the driver once after a file was
+    opened or a step was undone, and then no longer, so its value may be there on one frame."""
+    keyed = {(each.data_path, each.array_index) for each in animation.keyed_curves(block)}
+    if (curve.data_path, curve.array_index) in keyed:
+        raise curves.Refused("it is invalid, and keyframes set the same: mend or delete it")
+
+
+def path_of(start: str, path: str) -> str:
+    return start + rna_paths.normalised(path)
+
+
+def is_wanted(ob: bpy.types.Object, path: str, found: targets.Targets) -> bool:
+    """Whether poses depend on it. Refuses what moves the object."""
+    if rna_paths.moves_object(path):
+        found.refused.append(f"{ob.name} itself moves (its {path} is animated): move a bone instead")
+        return False
+    return rna_paths.has_effect(path)
+
+
+def driver_of(
+    path: str, curve: bpy.types.FCurve, row: Any, own: variables.Variables, found: targets.Targets, outside: Outside
+) -> dict[str, Any]:
+    """row, own: of curves.rows_of and driver_variables.read. Raises Refused."""
+    driver = curve.driver
+    result: dict[str, Any] = {
+        "path": path,
+        "index": row.pop("index"),
+        "type": driver.type,
+        "variables": [variable_of(*variable, found, outside) for variable in own],
+        "curve": curves.complete(row, curve),
+    }
+    del row["path"]
+    if driver.type == "SCRIPTED":
+        if not _is_simple(driver):
+            raise curves.Refused(f'"{driver.expression}" is not one of Blender\'s simple expressions')
+        result["expression"] = driver.expression
+    return result
+
+
+def _is_simple(driver: bpy.types.Driver) -> bool:
+    return driver.is_simple_expression and not driver.use_self
+
+
+def reads_variables_only(driver: bpy.types.Driver) -> bool:
+    """Whether a driver's value follows from its variables and, if its expression has that word, from the frame. Python
+    may read anything else: so it may have neither other names, nor calls and attributes of what it has."""
+    if driver.type != "SCRIPTED" or _is_simple(driver):
+        return True
+    try:
+        nodes = list(ast.walk(ast.parse(driver.expression.strip(), mode="eval")))
+    except (SyntaxError, ValueError):  # Blender finds no value either, and sets nothing
+        return True
+    known = {"frame", *(variable.name for variable in driver.variables)}
+    is_calling = any(isinstance(each, ast.Call | ast.Attribute) for each in nodes)
+    return not is_calling and all(each.id in known for each in nodes if isinstance(each, ast.Name))
+
+
+def driver_elsewhere(
+    path: str, index: int, curve: bpy.types.FCurve, found: targets.Targets, outside: Outside
+) -> dict[str, Any]:
+    """Returns the row of a driver of another data-block. path, index: what it sets, as the description names it. Raises
+    Refused."""
+    (row,), (own,) = curves.rows_of([curve]), variables.read([curve])
+    return driver_of(path, curve, row, own, found, outside) | {"index": index}
+
+
+def variable_of(
+    name: str, kind: str, read: list[variables.Target], found: targets.Targets, outside: Outside
+) -> dict[str, Any]:
+    if kind not in VARIABLES:
+        raise curves.Refused(f"variables of the type {kind} are not covered")
+    row: dict[str, Any] = {"name": name, "type": kind}
+    if kind == "SINGLE_PROP":
+        block, stored, *_rest = read[0]
+        path = rna_paths.normalised(stored)
+        if block == found.ob and path.startswith(OF_RIG):
+            row["path"] = path
+        elif block == found.ob.data:
+            row["path"] = "data." + path
+        elif block is None:
+            raise curves.Refused(f"its variable {name} reads nothing")
+        else:
+            row |= outside.row_of(block, stored, found)
+        return row
+    row["targets"] = [target_of(kind, target, found, outside) for target in read]
+    return row
+
+
+def target_of(kind: str, target: variables.Target, found: targets.Targets, outside: Outside) -> dict[str, Any]:
+    block: Any
+    block, _path, bone, channel, space, mode = target
+    if block == found.ob and bone and bone not in found.bones:
+        raise curves.Refused(f"{block.name} has no bone {bone}: choose another one")
+    read_as: targets.ReadAs | None = targets.HEAD if kind == "LOC_DIFF" and bone else None
+    if kind != "ROTATION_DIFF" and space != "WORLD_SPACE":
+        read_as = targets.BASIS if space == "TRANSFORM_SPACE" else ("POSE" if bone else "WORLD", "LOCAL")
+    row: dict[str, Any] = {"target": found.of(block, bone, read_as), "transform_type": channel}
+    row |= {"transform_space": space, "rotation_mode": mode}
+    if not row["target"] or "outside" not in row["target"]:
+        if row["target"] == {"armature": True} and kind != "ROTATION_DIFF" and space == "LOCAL_SPACE":
+            raise curves.Refused(f"it reads {block.name} itself in local space, which is not covered")
+        return row
+    # What comes from outside is a matrix.
+    if kind == "ROTATION_DIFF" and bone:
+        raise curves.Refused(f"it reads how a bone of {block.name} is turned, which is not covered")
+    if kind == "LOC_DIFF" and read_as == targets.BASIS and not bone and any(block.delta_location):
+        raise curves.Refused(f"it reads {block.name}, which has a delta, in transform space, which is not covered")
+    holder = block.pose.bones[bone] if bone else block
+    if kind == "TRANSFORMS" and mode == "AUTO" and holder.rotation_mode not in ("QUATERNION", "AXIS_ANGLE"):
+        start = f"{holder.path_from_id()}." if bone else ""
+        row["stored_mode"] = holder.rotation_mode
+        angles = [f"{start}rotation_euler[{i}]" for i in range(3)]
+        row["stored_angles"] = [next(iter(outside.row_of(block, each, found).values())) for each in angles]
+    return row

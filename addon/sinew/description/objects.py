@@ -1,0 +1,144 @@
+"""Other objects that bones follow, as rows: where each is follows from its own keyframes and those of its parents."""
+
+import contextlib
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+import bpy
+
+from ..blender import animation, dependencies
+from . import curves, custom_properties, rna_paths, tables
+
+_START = 'objects["'
+# In the order of a description; there is no delta of an axis and an angle.
+_CHANNELS = tuple(tables.CHANNELS)
+_DELTAS = ("delta_location", "delta_rotation_quaternion", "", "delta_rotation_euler", "delta_scale")
+
+
+def may_move(ob: bpy.types.Object) -> bool:
+    """Whether time may change where an object is."""
+    try:
+        return bool(_keyed(ob))
+    except curves.Refused:
+        return True
+
+
+def why_not(ob: bpy.types.Object) -> str:
+    """Returns why it is not known on each frame where an object is, as a clause; "" if it is."""
+    try:
+        _keyed(ob)
+    except curves.Refused as reason:
+        return str(reason)
+    return ""
+
+
+def moving(outside: Iterable[tuple[bpy.types.Object, str]]) -> list[bpy.types.Object]:
+    """Returns the objects that keyframes move, and their parents, each one after these. outside: objects, and bones of
+    armatures, as Targets.outside has them."""
+    found = []
+    for ob, bone in outside:
+        with contextlib.suppress(curves.Refused):
+            found += [ob] if not bone and _keyed(ob) else []
+    return dependencies.with_parents(found)
+
+
+def rows_of(own: Iterable[bpy.types.Object]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Returns the rows of objects and of their curves. own: as returned by moving."""
+    return [_row_of(each) for each in own], [row for each in own for row in _curves_of(each)]
+
+
+class Animated(NamedTuple):
+    """What keyframes set of another object, if nothing else sets it: what is known of it on each frame."""
+
+    place: bool  # its channels
+    properties: frozenset[str]  # paths of custom ones
+
+    @classmethod
+    def of(cls, block: bpy.types.ID) -> "Animated":
+        if not isinstance(block, bpy.types.Object) or block.type == "ARMATURE" or why_not(block):
+            return cls(False, frozenset())
+        driven = {rna_paths.normalised(each.data_path) for each in animation.drivers_of(block)}
+        keyed = {rna_paths.normalised(each.data_path) for each in curves.curves_in_effect(block)}
+        return cls(may_move(block), frozenset(each for each in keyed - driven if _is_custom(each)))
+
+    def has(self, path: str) -> bool:
+        """Whether a property, or an element of one, is known."""
+        return self.place if rna_paths.moves_object(path) else path.startswith(tuple(self.properties))
+
+
+def is_of_other(path: str) -> bool:
+    """Whether a path in a description is of another object."""
+    return path.startswith(_START)
+
+
+def path_of(ob: bpy.types.Object, path: str) -> str:
+    """Returns where a description has a property of another object."""
+    return f"{_start_of(ob)}.{path}" if rna_paths.moves_object(path) else _start_of(ob) + path
+
+
+def properties_of(own: Iterable[bpy.types.Object]) -> list[tuple[dict[str, Any], list[dict[str, Any]]]]:
+    """Returns the rows of the custom properties of objects that keyframes set, with those of their curves."""
+    found = []
+    for ob in own:
+        effective = [each for each in curves.curves_in_effect(ob) if _is_custom(rna_paths.normalised(each.data_path))]
+        by_path: dict[str, list[dict[str, Any]]] = {}
+        for curve, row in zip(effective, curves.rows_of(effective)):
+            row["path"] = _start_of(ob) + rna_paths.normalised(row["path"])
+            by_path.setdefault(row["path"], []).append(curves.animated(row, curve))
+        rows = custom_properties.of_holder(ob, _start_of(ob))
+        found += [(row, by_path[row["path"]]) for row in rows if row["path"] in by_path]
+    return found
+
+
+def _is_custom(path: str) -> bool:
+    return path.startswith('["')
+
+
+def _start_of(ob: bpy.types.Object) -> str:
+    return f'{_START}{bpy.utils.escape_identifier(ob.name_full)}"]'
+
+
+def _keyed(ob: bpy.types.Object) -> list[dict[str, Any]]:
+    """Returns the curves that say where an object and its parents are. Raises Refused if anything else may."""
+    lineage = dependencies.with_parents([ob])
+    for each in lineage:
+        _check(each)
+    return [row for each in lineage for row in _curves_of(each)]
+
+
+def _check(ob: bpy.types.Object) -> None:
+    """Raises Refused if anything but keyframes and parents may say where an object is."""
+    if dependencies.constraints_of(ob):
+        raise curves.Refused(f"{ob.name} has constraints")
+    if ob.rigid_body is not None:
+        raise curves.Refused(f"{ob.name} is simulated")
+    if ob.parent is not None and (ob.parent_type != "OBJECT" or ob.parent.type == "CURVE"):
+        raise curves.Refused(f"{ob.name} is a child of a part of {ob.parent.name}")
+    own = (each for each in animation.drivers_of(ob) if rna_paths.moves_object(each.data_path))
+    driven = next((each for each in own if not animation.sets_nothing(ob, each)), None)
+    if driven is not None:
+        raise curves.Refused(f"{driven.data_path} of {ob.name} has a driver")
+
+
+def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
+    """Yields the curves that say where an object is. Raises Refused."""
+    own = curves.curves_in_effect(ob)
+    for curve, row in zip(own, curves.rows_of(own)):
+        path = rna_paths.normalised(row["path"])
+        if not rna_paths.moves_object(path):
+            continue
+        if path not in (*_CHANNELS, *_DELTAS):
+            raise curves.Refused(f"{path} of {ob.name} is keyed")
+        row["path"] = f"{_start_of(ob)}.{path}"
+        yield curves.animated(row, curve)
+
+
+def _row_of(ob: bpy.types.Object) -> dict[str, Any]:
+    numbers = [getattr(ob, name) if name else (0.0,) * 4 for name in (*_CHANNELS, *_DELTAS)]
+    return {
+        "name": ob.name_full,
+        "parent": ob.parent.name_full if ob.parent is not None else None,
+        "matrix_parent_inverse": [list(row) for row in ob.matrix_parent_inverse],
+        "rotation_mode": ob.rotation_mode,
+        "values": [number for each in numbers for number in each],
+    }

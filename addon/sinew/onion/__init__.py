@@ -1,0 +1,1 @@
+"""Ghosts of characters around the current frame, the paths of their bones, and how both are drawn."""

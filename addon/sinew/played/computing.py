@@ -1,0 +1,314 @@
+"""Computes moments of armatures that Blender has not evaluated, if they can be programs (rig_programs/).
+
+A program is read from an armature that is live, and dies with the record: whatever drops a part of that drops it. It
+is used once it has computed exactly what Blender shows on a frame. If it ever differs, the armature is recorded
+instead."""
+
+import contextlib
+import itertools
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+
+from ..blender import animation
+from ..description import curves, driven_keys, edits, objects, reading, rna_paths, strips
+from ..host import evaluations, poses
+from ..native import sinew_native
+from . import changes, differences, followers, leading, rigs, settings, watch
+from .followers import Followers
+from .keys import Keys, keys_of
+from .rigs import Source
+
+FRAMES_AT_ONCE = 32  # that are computed before they are put into the store, whose memory is limited
+
+
+def can_be(rig: rigs.Rig) -> bool:
+    """Whether moments of an armature can be computed, as far as is known."""
+    return not (rig.is_distrusted or rig.source.refusal)
+
+
+def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None:
+    """Reads the program of a live armature, and records the scene's frame by it if that is what Blender shows.
+    Otherwise no frame is computed. found: what follows it, as followers.find returns it; users: as bpy.data.user_map
+    returns them."""
+    frame = rigs.whole_frame(scene)
+    is_live = not rig.is_frozen and rigs.evaluated_copy(rig, graph) is not None and rigs.moves(rig.ob)
+    if frame is None or not is_live or not can_be(rig) or rig.ob.mode == "EDIT":
+        return
+    if rig.source.is_proven and rig.at(frame) is not None:
+        return
+    changes.meet(rig, found if isinstance(found, Followers) else Followers(), users, graph)
+    if rig.source.program is None and not read_again(rig, graph):
+        read(rig, scene, graph)
+    for moment in _moments([rig], [[frame]])[0]:
+        copy = rigs.evaluated_copy(rig, graph)
+        if rigs.shows(rig, graph, moment) or differences.is_near(rig, copy, frame):
+            rig.source.is_proven, rig.is_posable = True, rig.source.is_posable
+            rig.keep(frame, moment)
+            continue
+        rig.last = None
+        if rig.source.is_proven:  # something has changed that was not noticed
+            changes.drop_all(rig)
+        elif not (
+            rigs.is_hidden(rig, graph)
+            or unkeyed_path(rig, scene.frame_current_final)
+            or followers.unkeyed(rig.ob, scene)
+        ):
+            differences.note(rig, differences.Difference.between(rig, copy, frame))
+
+
+def unkeyed_path(rig: rigs.Rig, frame: float) -> str:
+    """Returns the path of a property of an armature that is not as its keyframes set it, "" if there is none or nothing
+    can tell."""
+    program = rig.source.program
+    if program is None or not strips.play(rig.ob):
+        return animation.unkeyed_path(rig.ob, frame)
+    names = sorted(name for name in set(program.keyed) - set(program.driven) if not objects.is_of_other(name))
+    try:
+        keyed = program.values(np.array([frame], np.float32), names)[0].tolist()
+        return next((name for name, value in zip(names, keyed) if float(rig.ob.path_resolve(name)) != value), "")
+    except ValueError:
+        return ""
+
+
+def may_be_unkeyed(block: bpy.types.ID, frame: float) -> bool:
+    """Whether any property of a data-block may not be as its keyframes set it. Of what NLA strips set programs alone
+    tell."""
+    if block.animation_data is None or not animation.plays_strips(block.animation_data):
+        return bool(animation.unkeyed_path(block, frame))
+    rig = rigs.get(block)
+    if rig is None or rig.source.program is None or unkeyed_path(rig, frame):
+        return True
+    known = {re.sub(r"\[\d+\]$", "", name) for name in rig.source.program.keyed}.union(animation.PLACE)
+    own = curves.that_set_anything(block, animation.keyed_curves(block))
+    return not known.issuperset(rna_paths.normalised(curve.data_path) for curve in own)
+
+
+_Asked = tuple[rigs.Rig, Sequence[float], dict[str, Any]]  # an armature, frames, and what comes from outside on these
+
+
+class _Ahead:
+    """The next frame, computed by other threads while Blender evaluates and draws the last one. It holds for as long as
+    the programs do, which die with each edit."""
+
+    def __init__(self) -> None:
+        self._frame, self._step = 0.0, 0.0  # the last one, and how far it was from the one before
+        self._programs: dict[int, Any] = {}  # by the key of the armature
+        self._records: Any = None  # sinew_native.RigRecordsAhead of these
+        self._next: float | None = None
+
+    def begin(self, own: Iterable[rigs.Rig], frame: float) -> None:
+        """Begins with the frame that comes after this one, if that is as far as it was from the one before."""
+        step, before = frame - self._frame, self._step
+        if step == 0:
+            return
+        self._frame, self._step = frame, step
+        if step != before:
+            return
+        self.forget()
+        able = [rig for rig in own if rig.source.is_proven and rig.at(frame + step) is None]
+        able = [rig for rig in able if not rig.source.leaders]  # which wait for what others have there
+        if able:
+            self._next = frame + step
+            self._programs = {rig.key: rig.source.program for rig in able}
+            self._records = sinew_native.RigRecordsAhead(*_asked([(rig, [self._next], {}) for rig in able]))
+
+    def found(self, asked: Sequence[_Asked]) -> list[Any] | None:
+        """Returns what `rig_records` returns of these armatures and their frames, if that was computed ahead."""
+        if self._records is None or any(list(frames) != [self._next] for _rig, frames, _given in asked):
+            return None
+        if any(self._programs.get(rig.key) is not rig.source.program for rig, *_ in asked):
+            return None
+        by_key = dict(zip(self._programs, self._records.found()))
+        return [by_key[rig.key] for rig, *_ in asked]
+
+    def forget(self) -> None:
+        self._programs, self._records, self._next = {}, None, None
+
+
+_ahead = _Ahead()
+look_ahead, forget = _ahead.begin, _ahead.forget
+
+
+def fill(own: Iterable[rigs.Rig], frames: Sequence[float]) -> None:
+    """Records those of these frames that are missing, of the armatures that have a proven program. Of moments
+    that are not recorded each keeps the last one."""
+    own = list(own)
+    for start in range(0, len(frames), FRAMES_AT_ONCE):
+        _fill(own, frames[start : start + FRAMES_AT_ONCE])
+
+
+def _fill(own: Iterable[rigs.Rig], frames: Sequence[float]) -> None:
+    for able in leading.levels(rig for rig in own if rig.source.is_proven):
+        lacking = [[frame for frame in frames if rig.at(frame) is None] for rig in able]
+        for rig, missing, moments in zip(able, lacking, _moments(able, lacking)):
+            for frame, moment in zip(missing, moments):
+                rig.keep(frame, moment)
+
+
+def moment(rig: rigs.Rig, frame: float) -> rigs.Moment | None:
+    """Returns a moment of an armature with a program. If that fails, returns None, and it has no program any more."""
+    return next(iter(_moments([rig], [[frame]])[0]), None)
+
+
+def read(rig: rigs.Rig, scene: Any, graph: Any) -> None:
+    """Reads the program of an armature, or why there is none."""
+    rig.source, rig.tempo = _read(rig, scene, graph), changes.tempo_of(scene)
+    rig.is_posable &= rig.source.is_posable
+    if rig.source.settings:
+        rig.record.clear()  # it was recorded without them
+
+
+class _Last(NamedTuple):
+    """What the last program of an armature was read from."""
+
+    source: Source
+    known: edits.Known
+    keys: Keys | None  # of its own action
+    watch: watch.Watch
+
+
+def _remember(rig: rigs.Rig, read: reading.Reading, source: Source, graph: Any) -> None:
+    has_keys = rig.watch is not None and rig.watch.action is not None
+    is_compared = has_keys == rigs.has_animation(rig.ob) or strips.play(rig.ob)
+    if rig.watch is not None and is_compared and not rig.has_edited_keys:
+        rig.last = _Last(source, edits.Known(rig.ob, read, graph, _seen(rig, graph)), rig.keys, rig.watch)
+
+
+def _seen(rig: rigs.Rig, graph: Any) -> Any:
+    """Returns the object whose custom properties Blender evaluates next. The copy has no property that was set without
+    a tag, as by `ob["x"] = 1`, until an edit has Blender copy the original again."""
+    copy = rigs.evaluated_copy(rig, graph)
+    if copy is None or rig.is_idle and (evaluations.is_tagged(copy) or evaluations.is_tagged(copy.data)):
+        return rig.ob
+    return copy
+
+
+def read_again(rig: rigs.Rig, graph: Any) -> bool:
+    """Reads of an armature, which may have been edited, what its pose and its keyframes change. Returns whether nothing
+    else has changed since its program was read: neither the shape keys that follow it nor what it depends on."""
+    last: Any = rig.last
+    rig.last = None
+    if last is None or rig.tempo != changes.tempo_of(rig.scene):
+        return False
+    action: Any = last.watch.action
+    needed = [*last.watch.blocks, *(keys for keys, _numbers in rig.followers.keyed), *([action] if last.keys else [])]
+    if not all(map(rigs.is_alive, needed)):
+        return False
+    if last.source.counts != tuple(len(numbers) for _keys, numbers in rigs.keyed(rig, graph)):
+        return False
+    unseen = rigs.unseen_actions(rig, graph)
+    new = rig.watch or watch.Watch(rig.ob, last.watch.blocks, action, rig.followers.keyed, graph, unseen)
+    keys, numbers = _keys_now(rig, action) if last.keys else None, []
+    if keys is not None:
+        numbers = last.keys.curves.differing(keys.curves)
+        has_same_others = last.keys.others == keys.others and last.keys.settings == keys.settings
+        if numbers is None or not has_same_others:
+            return False
+    if not new.is_like(last.watch):
+        return False
+    all_curves = animation.action_curves(action) if numbers else []
+    try:
+        followers.check_place(rig.ob)
+        edited = [all_curves[number] for number in numbers]
+        edit = last.known.edit(rig.ob, graph, edited, _seen(rig, graph))
+        if edit is None:
+            return False
+        program = last.source.program.edited(*edit)
+        leaders = leading.leaders_of(rig.ob, last.known.targets, last.known.outside, graph)
+    except (ValueError, KeyError, ReferenceError):
+        return False
+    compared = set() if any(edit) else last.source.compared
+    rig.source = replace(
+        last.source, program=program, leaders=leaders, is_proven=False, heads={}, compared=compared, is_compared=False
+    )
+    rig.watch, rig.keys, rig.has_edited_keys = new, keys, False
+    rig.last = _Last(rig.source, last.known, keys, new)
+    return True
+
+
+def _keys_now(rig: rigs.Rig, action: Any) -> Keys:
+    """Returns what is stored in an armature's own action. While it is idle, what was without a tag does not count, as
+    in Blender."""
+    return rig.keys if rig.is_idle and rig.keys is not None and not rig.has_edited_keys else keys_of(action)
+
+
+def differing(own: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
+    """Compares what was read of armatures that are POSED with the bones that Blender has evaluated since, from the
+    channels that they have. Returns how those that are others differ, sentences by key."""
+    found = {}
+    for rig in own:
+        copy, time, rig.posed_on = rigs.evaluated_copy(rig, graph), rig.posed_on, None
+        if copy is None or time is None or rig.last is None or evaluations.is_tagged(copy):
+            continue
+        given = dict(rig.last.known.keyed()) | rig.last.known.from_outside()
+        given |= {
+            each.path: value for each, value in zip(rig.source.settings, settings.read(copy, rig.source.settings))
+        }
+        difference = differences.Difference.between(rig, copy, time, given)
+        if difference.is_any():
+            changes.differ(rig)
+            found[rig.key] = differences.note(rig, difference)
+        elif time == int(time):
+            rig.source.compared.add(int(time))
+    return found
+
+
+def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
+    keyed, rig.last = rigs.keyed(rig, graph), None
+    try:
+        old, new = changes.tempo_of(scene)
+        if old != new:
+            raise curves.Refused(f"{scene.name} maps its frames to other times")
+        read = reading.read(rig.ob, graph, keyed, _seen(rig, graph))
+        leaders = leading.leaders_of(rig.ob, read.targets, read.outside, graph)
+        program = sinew_native.RigProgram(read.description)
+        counts = tuple(len(numbers) for _keys, numbers in keyed)
+        own, is_posable = settings.of(rig.ob, read.description)
+        wanted = [*map(driven_keys.path_of, range(sum(counts))), *(setting.path for setting in own)]
+        moving = [each for each in read.targets.moving.values() if each != rig.ob]
+        moving += followers.moving(rig.ob, (*read.targets.splines.values(), *read.outside.keyed.values()))
+        source = Source(
+            program, program.places(wanted), counts, tuple(own), leaders, tuple(moving), is_posable=is_posable
+        )
+    except ValueError as reason:
+        return Source(refusal=str(reason))
+    _remember(rig, read, source, graph)
+    return source
+
+
+def _asked(asked: Sequence[_Asked]) -> tuple[list[Any], Any]:
+    """Returns the arguments of `rig_records`."""
+    return [
+        (rig.source.program, np.array(frames, np.float32), rig.source.places, given) for rig, frames, given in asked
+    ], poses.fields()
+
+
+def _moments(own: Sequence[rigs.Rig], frames: Sequence[Sequence[float]]) -> list[list[rigs.Moment]]:
+    """Returns the moments of each armature on its frames; none of those without a program, or that follow one without
+    it."""
+    able: list[_Asked] = []
+    for rig, each in zip(own, frames):
+        if rig.source.program is not None and each:
+            with contextlib.suppress(leading.Unknown):
+                able.append((rig, each, leading.inputs(rig, each)))
+    found: dict[int, list[rigs.Moment]] = {}
+    results = _ahead.found(able) if able else []
+    for (rig, *_), result in zip(able, sinew_native.rig_records(*_asked(able)) if results is None else results):
+        if isinstance(result, str):
+            rig.source = Source(refusal=result)
+            continue
+        ends = list(itertools.accumulate(rig.source.counts, initial=0))
+        found[rig.key] = [
+            rigs.Moment(
+                record.copy() if len(result[0]) > 1 else record,  # or one would keep the memory of all
+                tuple(tuple(numbers[a:b]) for a, b in itertools.pairwise(ends)),
+                tuple(numbers[ends[-1] :]),
+            )
+            for record, numbers in zip(result[0], result[1].tolist())
+        ]
+    return [found.get(rig.key, []) for rig in own]

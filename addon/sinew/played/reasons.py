@@ -1,0 +1,245 @@
+"""Says why armatures cannot be frozen, in sentences, and drops what does not hold of their records before."""
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+import bpy
+
+from ..blender import animation, dependencies, values
+from ..clips import clip_store
+from ..description import driver_rows
+from ..host import relations
+from ..run import characters
+from . import changes, computing, differences, followers, leading, rigs
+from .followers import NotFreezable
+
+
+def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, rigs.Rig]:
+    """Returns those of these armatures that can be frozen now, by key. `reason` of the others says why not."""
+    needed = look_at_each(chosen.values(), scene, layer)
+    lacking = True
+    while lacking:  # one follows another, which cannot be frozen
+        lacking = False
+        for key, needs in list(needed.items()):
+            live = next((each for each in needs if values.key_of(each) not in needed), None)
+            if live is not None:
+                rig, lacking = chosen[key], True
+                rig.reason = f"{rig.name} follows bones of {live.name}, which is live"
+                del needed[key]
+    return {key: chosen[key] for key in needed}
+
+
+def look_at_each(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> dict[int, list[Any]]:
+    """Returns the other armatures on which each of these depends that can be frozen beside them, by key. `reason` of
+    the others says why not."""
+    own, users = leading.in_order(own), dependencies.Users.now()
+    found = followers.find([rig.ob for rig in own], users, layer.depsgraph)
+    changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
+    for rig in rigs.at_home(layer.depsgraph):  # which these may follow
+        if not rig.is_idle:
+            changes.compare_keys(rig, layer.depsgraph)
+    needed: dict[int, list[Any]] = {}
+    for rig in own:
+        try:
+            needs = check(rig.ob, layer)
+            rig.reason = _why_not(rig, found[rig.ob], users, scene, layer)
+        except NotFreezable as reason:
+            rig.reason = str(reason)
+        if not rig.reason:
+            needed[rig.key] = needs
+    return needed
+
+
+def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str:
+    """Reads the program of a rig if there may be one. Returns why it cannot be frozen, or "". own: what follows it, as
+    followers.find returns it."""
+    if isinstance(own, NotFreezable):
+        return f"{rig.name} cannot be frozen: {own}"
+    _drop_what_is_wrong(rig, scene, layer)
+    computing.prove(rig, own, users, scene, layer.depsgraph)
+    if not (rig.source.is_proven and rig.is_posable):
+        # Only those are recorded that have keyframes, and follow nothing that moves by itself.
+        moving = followers.moving(rig.ob, dependencies.outside_of(rig.ob))
+        follows = f"bones of {rig.name} follow {_names(moving)}, outside of it, which may move: " if moving else ""
+        if rig.needs_program or moving or not rigs.has_animation(rig.ob):
+            return follows + why_not_computed(rig, scene)
+    unknown = own.reads.keys() - {each.path for each in rig.source.settings}
+    if unknown:
+        path = min(unknown)
+        return f"the driver of {own.reads[path]} reads {path} of {rig.name}, which is animated and not recorded"
+    if rig.ob.mode == "POSE" and not rig.is_posable:
+        return being_edited(rig.ob)
+    reason = why_live(rig, scene, layer)
+    if reason:
+        return reason
+    changes.meet(rig, own, users, layer.depsgraph)  # drops the record if other keys follow
+    return why_live(rig, scene, layer)
+
+
+def why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:
+    """Returns why an armature whose record is right cannot be frozen now, as a sentence; "" if it can."""
+    frame = rigs.whole_frame(scene)
+    if frame is None:
+        return f"{rig.name} is live between two frames: only whole frames are recorded"
+    if rigs.evaluated_copy(rig, layer.depsgraph) is None:
+        return f"{rig.name} is not in this view layer"
+    if rig.at(frame) is not None:
+        return ""
+    bone = unkeyed_bone(rig, scene)
+    if bone:
+        return (
+            f"{rig.name} has changes that are not keyed (bone {bone}): they would be lost on another frame, so it "
+            "stays live"
+        )
+    if rig.restless > 1:
+        return f"{rig.name} is edited after each frame, by a handler of another add-on, which cannot be recorded"
+    return f"frame {frame} of {rig.name} is not recorded: play it, or use Record"
+
+
+def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
+    """Returns why an armature is not frozen that is only if it can be computed, as a sentence."""
+    if rig.source.refusal:
+        return rig.source.refusal
+    unknown = next((each.rig.name for each in rig.source.leaders if not each.rig.source.is_proven), "")
+    if unknown:
+        return f"{rig.name} follows bones of {unknown}, which is not computed"
+    if rig.source.is_proven:
+        return f"keyframes of {rig.name} set more than channels of bones, constraints' influence and custom properties"
+    bone = unkeyed_bone(rig, scene)
+    if bone:
+        return f"{rig.name} has changes that are not keyed (bone {bone})"
+    if followed := followers.unkeyed(rig.ob, scene):
+        return f"{followed}, which {rig.name} follows, has changes that are not keyed"
+    graph = rig.graph()
+    if graph is not None and rigs.is_hidden(rig, graph):
+        return f"{rig.name} is hidden, so Blender may not evaluate all of its bones"
+    if rig.difference is not None:
+        return rig.difference.sentence(rig.ob)
+    return f"the pose of {rig.name} is not exactly what was computed"
+
+
+def being_edited(rig: Any) -> str:
+    return f"{rig.name} is being edited: go back to Object Mode first"
+
+
+def _drop_what_is_wrong(rig: rigs.Rig, scene: Any, layer: Any) -> None:
+    """Drops what of the record of an armature does not hold in a view layer, in which it is frozen from now on."""
+    graph = layer.depsgraph
+    if rigs.evaluated_copy(rig, graph) is None or rig.is_frozen and rig.graph() == graph:
+        return
+    if rig.graph() != graph:
+        _move(rig, scene, layer)
+    elif rig.watch is not None and rig.tempo != changes.tempo_of(scene):
+        changes.drop_all(rig)
+    changes.compare_keys(rig, graph)
+    moment, copy = rigs.now(rig, scene), rigs.evaluated_copy(rig, graph)
+    if moment is None or rigs.shows(rig, graph, moment) or differences.is_near(rig, copy, scene.frame_current):
+        return
+    changes.drop_all(rig)
+
+
+def _move(rig: rigs.Rig, scene: Any, layer: Any) -> None:
+    """Records and freezes an armature in another view layer from now on. Of the same scene it keeps its record, unless
+    something was edited: the pose does not depend on the view layer, as far as this frame shows."""
+    before = rig.graph()
+    is_kept = rig.watch is not None and before is not None and rig.scene == scene
+    if is_kept and not changes.look([rig], before) and not rig.watch.is_tagged(before, True):
+        changes.compare_keys(rig, before)
+    else:
+        rig.clear()
+    rig.watch = None
+    rig.live_in(scene, layer)
+
+
+def unkeyed_bone(rig: rigs.Rig, scene: Any) -> str:
+    """Returns the name of a bone that is not where the keyframes put it, or ""."""
+    path = "" if rig.is_frozen else computing.unkeyed_path(rig, scene.frame_current_final)
+    name, separator, _channel = path.removeprefix('pose.bones["').partition('"].')
+    return bpy.utils.unescape_identifier(name) if separator else ""
+
+
+def prepare(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
+    """Drops from the records of armatures what was edited, so that it can be played again in a view layer, or
+    computed."""
+    own, users = leading.in_order(own), dependencies.Users.now()
+    found = followers.find([rig.ob for rig in own], users, layer.depsgraph)
+    changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
+    for rig in own:
+        rig.restless = rig.to_skip = 0
+        _drop_what_is_wrong(rig, scene, layer)
+        computing.prove(rig, found[rig.ob], users, scene, layer.depsgraph)
+
+
+# --- the armature itself --------------------------------------------------------------------------
+
+
+def check(rig: Any, layer: Any) -> list[Any]:
+    """Raises NotFreezable if the pose of an original armature object is not a function of the frame that can be played
+    in a view layer, whatever follows it. Returns the other armature objects on which the pose depends."""
+    data, outside = rig.animation_data, dependencies.outside_of(rig)
+    moving = followers.moving(rig, outside)
+    is_keyed = data is not None and (data.action is not None or any(track.strips for track in data.nla_tracks))
+    if not is_keyed and not rigs.moves(rig):
+        raise NotFreezable(f"{rig.name} has no keyframes: there is nothing to freeze")
+    if data is not None and data.use_tweak_mode:
+        raise NotFreezable(f"an NLA strip of {rig.name} is being edited: leave its tweak mode first")
+    if rig.mode not in ("OBJECT", "POSE") or rig.data.is_editmode:
+        raise NotFreezable(being_edited(rig))
+    followers.check_place(rig)
+    if animation.keyed_curves(rig.data):
+        raise NotFreezable(f"the armature data {rig.data.name} have keyframes of their own")
+    if rig.pose.ik_solver == "ITASC":
+        raise NotFreezable(f"{rig.name} uses the iTaSC solver, whose result depends on the frames before")
+    if clip_store.has_poses(rig.data) and _plays_clip(rig):
+        raise NotFreezable(
+            f"{rig.name} plays the poses of an imported rig, which costs little: there is nothing to gain"
+        )
+    for curve in dependencies.drivers_of_both(rig):
+        _check_driver(rig, curve)
+    for bone in rig.pose.bones:
+        timed = next((each for each in dependencies.constraints_of(bone) if each.type in followers.TIMED), None)
+        if timed is not None:
+            raise NotFreezable(f"{timed.name} of {rig.name}'s bone {bone.name} may change on each frame by itself")
+    followers.check_moving(rig, moving, layer)
+    return followers.not_still((each for each in outside if each.type == "ARMATURE"), None)
+
+
+def _plays_clip(rig: Any) -> bool:
+    return any(ob.sinew.armature == rig and ob.sinew.source == "CLIP" for ob in characters.by_clip())
+
+
+def _check_driver(rig: Any, curve: Any) -> None:
+    driver = curve.driver
+    if driver.type == "SCRIPTED":
+        words = "depsgraph" if _may_be_quiet(rig, curve) else "frame|depsgraph"
+        has_word = re.search(rf"\b({words})\b", driver.expression)
+        if has_word or not driver_rows.reads_variables_only(driver):
+            raise NotFreezable(
+                f"the driver of {curve.data_path} of {rig.name} may change on each frame by itself: {driver.expression}"
+            )
+    for variable in driver.variables:
+        for target in variable.targets:
+            if variable.type == "CONTEXT_PROP" or target.id is not None and not _may_be_read(rig, target.id):
+                raise NotFreezable(
+                    f"the driver of {curve.data_path} of {rig.name} reads {getattr(target.id, 'name', 'the scene')}, "
+                    "outside of it, which may change on each frame"
+                )
+
+
+def _may_be_quiet(rig: Any, curve: Any) -> bool:
+    """Whether Blender can be kept from evaluating a driver of an armature on each frame. Others may use its data."""
+    try:
+        return curve.id_data == rig and bool(relations.on_no_frame(curve.driver, -123456.789))
+    except ValueError:
+        return False
+
+
+def _may_be_read(rig: Any, block: Any) -> bool:
+    """Whether a driver of an armature may read a data-block: the armature itself, or an object, which `check` and the
+    groups of armatures look at."""
+    return block in (rig, rig.data) or isinstance(block, bpy.types.Object)
+
+
+def _names(objects: list[Any]) -> str:
+    return followers.listed([each.name for each in objects])

@@ -1,0 +1,219 @@
+"""Frozen characters: operators, and the panel that lists them."""
+
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty
+
+from ..feedback import notice
+from ..played import freezing, recording, rigs
+from .in_steps import InSteps
+from .panels import InSidebar
+
+MOST_RUNS = 3  # of recorded frames that are listed
+
+
+def chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Returns the armature objects of the selected objects, or else of the active one."""
+    objects = context.selected_objects or ([context.active_object] if context.active_object else [])
+    return recording.armatures_of(objects)
+
+
+def can_change(context: bpy.types.Context) -> bool:
+    is_playing = context.screen and context.screen.is_animation_playing
+    return context.mode in {"OBJECT", "POSE"} and not is_playing
+
+
+class Record(InSteps, bpy.types.Operator):
+    """Record the poses of the selected characters on the preview range or the scene's range. Rigs that can be computed
+    are; for others the range is played once, without what is recorded already. Press Esc to stop; the recorded frames
+    are kept"""
+
+    bl_idname = "object.sinew_record"
+    bl_label = "Record"
+    stopped = "Stopped: the frames that were recorded are kept"
+    seconds_in_a_row = 0.1
+
+    @classmethod
+    def poll(cls, context):
+        return can_change(context) and bool(chosen(context))
+
+    def invoke(self, context, _event):
+        return self.begin(context, recording.steps(context.scene, context.view_layer, chosen(context)))
+
+    def execute(self, context):
+        for _step in recording.steps(context.scene, context.view_layer, chosen(context)):
+            pass
+        return self.finish(context, None)
+
+    def finish(self, context, _value):
+        own = [rigs.learn(each) for each in chosen(context)]
+        lacking = [rig for rig in own if recording.missing(rig, context.scene)]
+        for rig in lacking:
+            why = rig.reason or "there is no room in memory, see the preferences, or it has no keyframes"
+            self.report({"WARNING"}, f"{rig.name} is not recorded on all frames: {why}")
+        return {"FINISHED"} if len(lacking) < len(own) else {"CANCELLED"}
+
+
+class Freezes(InSteps):
+    """What Freeze and FreezeOthers share."""
+
+    stopped = "Stopped: the frames that were recorded are kept, and nothing was frozen"
+    seconds_in_a_row = 0.1
+
+    @classmethod
+    def poll(cls, context):
+        return can_change(context)
+
+    def invoke(self: Any, context, _event):
+        return self.begin(context, self._steps_of(context))
+
+    def execute(self: Any, context):
+        for _step in self._steps_of(context):
+            pass
+        return self.finish(context, None)
+
+    def _steps_of(self: Any, context):
+        return recording.steps(context.scene, context.view_layer, self.armatures(context), False)
+
+    def finish(self: Any, context, _value):
+        own = [rigs.learn(each) for each in self.armatures(context)]
+        for rig in own:
+            freezing.want(rig)
+        if not own:
+            self.report({"ERROR"}, "select an armature, or an object that one moves")
+            return {"CANCELLED"}
+        freezing.freeze(own, context.scene, context.view_layer)
+        is_any = any(rig.is_frozen for rig in own)
+        for rig in own:
+            if rig.reason:
+                self.report({"WARNING" if is_any else "ERROR"}, rig.reason)
+        notice.redraw()
+        return {"FINISHED"} if is_any else {"CANCELLED"}
+
+
+class Freeze(Freezes, bpy.types.Operator):
+    """Have Blender no longer evaluate the armatures of the selected characters. Their poses are computed, also while
+    you pose them; those of rigs that cannot be computed are played from memory, until they are selected or edited:
+    frames that are not recorded are played once first"""
+
+    bl_idname = "object.sinew_freeze"
+    bl_label = "Freeze"
+
+    def armatures(self, context):
+        return chosen(context)
+
+
+class FreezeOthers(Freezes, bpy.types.Operator):
+    """Freeze all characters except for the selected ones"""
+
+    bl_idname = "object.sinew_freeze_others"
+    bl_label = "Freeze All But This"
+
+    def armatures(self, context):
+        selected = chosen(context)
+        return [each for each in recording.animated_armatures(context.view_layer) if each not in selected]
+
+
+class Thaw(bpy.types.Operator):
+    """Have Blender evaluate the selected characters again, or all if none is selected"""
+
+    bl_idname = "object.sinew_thaw"
+    bl_label = "Thaw"
+
+    @classmethod
+    def poll(cls, context):
+        return can_change(context) and any(rig.is_wanted for rig in rigs.known())
+
+    def execute(self, context):
+        selected = chosen(context)
+        own = [rig for rig in rigs.known() if rig.ob in selected or not selected]
+        freezing.thaw(own, context.scene, context.view_layer)
+        for rig in own:
+            rig.stays_live = True
+        notice.redraw()
+        return {"FINISHED"}
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    row = layout.row(align=True)
+    row.operator(Freeze.bl_idname, icon="FREEZE")
+    row.operator(FreezeOthers.bl_idname, text="All But This")
+    row.operator(Thaw.bl_idname, icon="LIGHT_SUN")
+    layout.operator(Record.bl_idname, icon="REC")
+    layout.prop(context.scene, "sinew_freezes_others")
+    for rig in rigs.known():
+        draw_rig(layout, context, rig)
+    if rigs.known():
+        layout.label(text=f"{rigs.used_memory() / 2**20:,.0f} MB recorded", icon="INFO")
+
+
+def draw_rig(layout: bpy.types.UILayout, context: bpy.types.Context, rig: Any) -> None:
+    row = layout.split(factor=0.5, align=True)
+    row.label(text=rig.name, icon="FREEZE" if rig.is_idle else "ARMATURE_DATA")
+    row.label(text=frames_text(rig))
+    if rig.is_wanted and not rig.is_idle and not rig.needs_program and rig.reason:
+        notice.draw_sentence(layout, context, rig.reason, False)
+    if rig.source.refusal and not rig.needs_program:
+        notice.draw_sentence(layout, context, f"It is recorded, not computed: {rig.source.refusal}", False)
+
+
+def frames_text(rig: Any) -> str:
+    """Returns which frames of a character are recorded, as text."""
+    if rig.is_idle and rig.is_posable:
+        return "computed"
+    runs = [f"{first}" if first == last else f"{first} to {last}" for first, last in rig.record.runs()]
+    more = f" and {len(runs) - MOST_RUNS} more" if len(runs) > MOST_RUNS else ""
+    return ", ".join(runs[:MOST_RUNS]) + more or "not recorded"
+
+
+class SidebarFrozen(InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_frozen", "VIEW3D_PT_sinew"
+    bl_label = "Frozen Characters"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return bool(rigs.known()) or context.object is not None and bool(recording.armatures_of([context.object]))
+
+    def draw(self, context):
+        draw(self.layout, context)
+
+
+def _switch_rigs(scene: Any, context: Any) -> None:
+    """Lets Blender evaluate the rigs of a scene that are only accelerated, and keeps nothing of them, or tries all
+    again."""
+    here = [rig for rig in rigs.known() if rig.scene in (scene, None)]
+    if not scene.sinew_accelerates_rigs:
+        own = [rig for rig in here if rig.needs_program]
+        freezing.thaw(own, scene, context.view_layer)
+        for rig in own:
+            rig.clear()
+    for rig in here:
+        rig.stays_live, rig.tries, rig.tries_to_skip = False, 0, 0
+
+
+CLASSES = (Record, Freeze, FreezeOthers, Thaw, SidebarFrozen)
+
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.sinew_freezes_others = BoolProperty(
+        name="Freeze What Is Not Selected",
+        description="Freeze each recorded character as soon as it is no longer selected. Characters are recorded while "
+        "they play. Those whose rigs can be computed need no recording, and stay frozen while they are selected",
+    )
+    bpy.types.Scene.sinew_accelerates_rigs = BoolProperty(
+        name="Accelerate Rigs",
+        description="Compute the bones of accelerated characters natively, with the same result, if possible",
+        default=True,
+        update=_switch_rigs,
+    )
+
+
+def unregister() -> None:
+    del bpy.types.Scene.sinew_accelerates_rigs
+    del bpy.types.Scene.sinew_freezes_others
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
