@@ -107,7 +107,7 @@ def test_weights_for_the_rigs_own_bones_are_exact_where_linear_skinning_is(figur
 def test_the_armature_plays_what_was_found(figure, source, monkeypatch):
     """In numpy, and in Blender: the same shape on each frame."""
     ob, _ = figure
-    baking, found = module("baking"), []
+    baking, found = module("conversion"), []
     decompose = baking.sinew_native.decompose
 
     def noted(rest, *arguments, **options):
@@ -130,7 +130,7 @@ def test_the_report_and_the_attribute_are_what_blender_shows(figure):
     ob, _ = figure
     before = played(ob)
     select(ob)
-    baking, frame_range = module("baking"), addon_module("bake.frame_range")
+    baking, frame_range = module("conversion"), addon_module("bake.frame_range")
     report = baking.run(bpy.context, [ob], baking.Settings(frame_range.FrameRange(1, 10), bones=3))
     made = bpy.data.objects[report.objects[0]]
     off = np.linalg.norm(played(made) - before, axis=2)
@@ -239,7 +239,7 @@ def test_scaled_bones_are_keyed_and_what_shears_is_the_nearest(figure):
     ob, rig = figure
     for frame in FRAMES:
         pose(rig, frame, True)
-    baking, frame_range = module("baking"), addon_module("bake.frame_range")
+    baking, frame_range = module("conversion"), addon_module("bake.frame_range")
     before = played(ob)
     report = baking.run(bpy.context, [ob], baking.Settings(frame_range.FrameRange(1, 10), bones=0))
     made = bpy.data.objects[report.objects[0]]
@@ -259,7 +259,7 @@ def test_the_elephants_clip(fresh_scene):
 
 
 def _run(*objects, **settings):
-    scene, baking = bpy.context.scene, module("baking")
+    scene, baking = bpy.context.scene, module("conversion")
     frames = addon_module("bake.frame_range").FrameRange(scene.frame_start, scene.frame_end)
     return baking.run(bpy.context, objects, baking.Settings(frames, **settings))
 
@@ -296,7 +296,7 @@ def test_what_is_stopped_leaves_nothing(figure, share):
     ob, _ = figure
     bpy.context.scene.frame_set(4)
     select(ob)
-    before, baking = state(), module("baking")
+    before, baking = state(), module("conversion")
     frames = addon_module("bake.frame_range").FrameRange(1, 10)
     steps = baking.steps(bpy.context, [ob], baking.Settings(frames, bones=3))
     for done, text in steps:
@@ -309,7 +309,7 @@ def test_what_is_stopped_leaves_nothing(figure, share):
 def test_the_steps_give_the_same_as_one_call(figure):
     ob, _ = figure
     select(ob)
-    baking, shares = module("baking"), []
+    baking, shares = module("conversion"), []
     frames = addon_module("bake.frame_range").FrameRange(1, 10)
     steps = baking.steps(bpy.context, [ob], baking.Settings(frames, bones=3))
     try:

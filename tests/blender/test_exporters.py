@@ -136,7 +136,7 @@ def test_a_character_whose_rig_is_computed_is_exported_as_an_unbound_one(tmp_pat
     unbound, bound = [tmp_path / folder / f"shot.{EXPORTERS[name][2]}" for folder in ("unbound", "bound")]
     export(name, unbound)
     accelerate(ob)
-    accelerating, rigs = (addon_module(f"frozen.{each}") for each in ("accelerating", "rigs"))
+    accelerating, rigs = (addon_module(f"played.{each}") for each in ("accelerating", "rigs"))
     monkeypatch.setattr(accelerating, "LEAST_WORK", 0)
     accelerating.accelerate(bpy.context.scene, bpy.context.view_layer)
     assert len(rigs.frozen()) == 1, [rig.reason for rig in rigs.known()]

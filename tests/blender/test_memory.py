@@ -360,9 +360,9 @@ def test_variables_elsewhere_are_not_believed(zoo, monkeypatch, name, by):
     (target,) = variable.targets
     target.id, target.bone_target = zoo.frozen, zoo.frozen.pose.bones[0].name
     target.transform_type, target.transform_space, target.rotation_mode = "SCALE_X", "LOCAL_SPACE", "SWING_TWIST_Y"
-    elsewhere("driver_variables", "DriverTarget", name, "offset", by)(monkeypatch)
+    elsewhere("variables", "DriverTarget", name, "offset", by)(monkeypatch)
     wanted = zoo.frozen, "", target.bone_target, "SCALE_X", "LOCAL_SPACE", "SWING_TWIST_Y"
-    assert host("driver_variables").read([curve]) == [[("var", "TRANSFORMS", [wanted])]]
+    assert host("variables").read([curve]) == [[("var", "TRANSFORMS", [wanted])]]
     assert set(host("contract")._look().lost) == {"Drivers of computed rigs"}
 
 

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="the rigs we
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_production_rigs(path):
     bpy.ops.wm.open_mainfile(filepath=str(path))
-    reading, checking = (addon_module(f"rig_programs.{name}") for name in ("reading", "checking"))
+    reading, checking = addon_module("description.reading"), addon_module("description.equality")
     names = [ob.name for ob in bpy.data.objects if ob.type == "ARMATURE" and ob.name.startswith("RIG")]
     for name in names:
         ob = bpy.data.objects[name]

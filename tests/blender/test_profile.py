@@ -261,7 +261,7 @@ def test_a_hidden_armature_is_listed_if_a_mesh_needs_it(figure, clock, hide):
 def test_keyframes_and_drivers_stand_still_while_they_are_left_out(figure):
     ob, _ = figure
     drive(ob.data.shape_keys)
-    absences, rigs = addon_module("profiling.absences"), addon_module("profiling.armatures")
+    absences, rigs = addon_module("profiling.absences"), addon_module("profiling.armatures_alone")
     accelerate(ob)
     scene, graph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()
     hooks = list(ob.animation_data.drivers)

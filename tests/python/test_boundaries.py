@@ -246,3 +246,25 @@ def test_public_headers_include_public_headers_alone():
     for path in (ROOT / "native" / "include").rglob("*.h"):
         ours = {header for header in included(path) if header.endswith(".h")}
         assert ours <= public, path.name
+
+
+def asked_for(text):
+    """The modules of the add-on for which a test in Blender asks by name, and beginnings of names that it completes."""
+    rooms = dict(re.findall(r'^def (\w+)\(\w+\):\n    return addon_module\(f"(\w+)\.\{\w+\}"\)$', text, re.MULTILINE))
+    found = set(re.findall(r'\baddon_module\(f?"([\w.]+)', text))
+    for function, room in rooms.items():
+        found |= {f"{room}.{name}" for name in re.findall(rf'\b{function}\("(\w+)"\)', text)}
+    return found
+
+
+def test_modules_that_tests_ask_for_by_name_are_there():
+    """Some are asked for only where there is a file or an exporter, by tests that are skipped elsewhere."""
+    rooms = {each.name for each in ADDON.iterdir() if each.is_dir()}
+    known = NAMES | rooms | {f"{room}." for room in rooms}
+    asked = {
+        (path.name, name)
+        for path in (ROOT / "tests" / "blender").rglob("*.py")
+        for name in asked_for(path.read_text(encoding="utf-8"))
+    }
+    assert len(asked) > 300
+    assert {(path, name) for path, name in asked if name not in known} == set()
