@@ -288,7 +288,7 @@ def test_everything_can_be_searched():
         draw(items, bpy.context)
     assert menus.SinewMenu.bl_idname in items.found
     menus.SinewMenu.draw(items, bpy.context)
-    for name in ("operators", "method_settings", "display", "preferences", "cures", "frozen"):
+    for name in ("operators", "method_settings", "display", "preferences", "cures", "played_rigs"):
         for cls in addon_module(f"ui.{name}").CLASSES:
             if issubclass(cls, bpy.types.Operator):
                 assert cls.bl_idname in items.found

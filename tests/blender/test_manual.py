@@ -71,7 +71,7 @@ def all_operators():
             "display",
             "preferences",
             "profile",
-            "frozen",
+            "played_rigs",
             "onion_skins",
         )
         for cls in addon_module(f"ui.{name}").CLASSES

@@ -200,7 +200,7 @@ def forget_memory():
     for name in ("contract", "proof", "motions", "poses"):
         addon_module(f"host.{name}").forget()
     addon_module("host.key_blocks").key_layout.cache_clear()
-    for name in ("bones", "bone_numbers", "driver_variables", "keyframes", "pose_settings"):
+    for name in ("bone_bytes", "bone_numbers", "variables", "keyframes", "pose_settings"):
         addon_module(f"host.{name}")._layout.cache_clear()
     addon_module("host.places").place_layout.cache_clear()
     addon_module("host.deform_verts")._weights_are_known = False
