@@ -27,13 +27,11 @@ file(GENERATE OUTPUT ${CMAKE_BINARY_DIR}/modules.txt
 function(add_python_module target soabi)  # ARGN: folders with Python's headers
   add_library(${target} MODULE
     bindings/host/bind_described.cpp
-    bindings/host/bind_frame_shape.cpp
     bindings/host/bind_host.cpp
     bindings/host/bind_pose_record.cpp
     bindings/host/bind_shortcut.cpp
     bindings/host/bind_stored_curves.cpp
     bindings/host/bind_struct_values.cpp
-    bindings/host/frame_shape.cpp
     bindings/host/watched.cpp)
   set(copying ${target}_copying)
   add_library(${copying} OBJECT

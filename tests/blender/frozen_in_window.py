@@ -70,6 +70,12 @@ def let_be_computed(armatures, may):
         recorded().learn(bpy.data.objects[name]).is_distrusted = not may
 
 
+def want(armatures):
+    """Has these freeze as soon as they are not selected and their frame is recorded."""
+    for name in armatures:
+        freezing().want(recorded().learn(bpy.data.objects[name]))
+
+
 def scene():
     """The scene; undo replaces it."""
     return bpy.context.scene
@@ -100,7 +106,7 @@ def steps():
     yield from open_sidebar()
 
     let_be_computed(armatures, may=False)
-    scene().sinew_freezes_others = True
+    want(armatures)
     yield from pick(meshes[0])
     yield from play_all()
     yield from until_frozen(armatures[1], "what is not selected does not freeze")
@@ -282,13 +288,12 @@ def render(meshes, armatures, reference):
         yield 0.5
         if kind == "frozen":
             assert_as(reference, meshes)
-            scene().sinew_freezes_others = False
             freezing().thaw(recorded().known(), scene(), bpy.context.view_layer)
         pictures.append([pixels(FOLDER / f"{kind}-{frame:04}.png") for frame in range(4, 10)])
     assert np.array_equal(*pictures), "F12 renders something else while a character is frozen"
     assert np.abs(pictures[0][0] - pictures[0][-1]).mean() > 1 / 1000
     scene().frame_start, scene().frame_end = FRAMES[0], FRAMES[-1]
-    scene().sinew_freezes_others = True
+    want(armatures)
     close_other_windows()
     yield 0.5
     print("window: F12 renders the same with a frozen character")
@@ -370,7 +375,6 @@ def computed(meshes, armatures, reference):
 def accelerated(meshes, armatures, reference):
     """Nobody has frozen anything: the rigs are computed as soon as nothing happens, and after an edit again."""
     addon_module("played.accelerating").LEAST_WORK = 0
-    scene().sinew_freezes_others = False
     freezing().thaw(recorded().known(), scene(), bpy.context.view_layer)
     for rig in recorded().known():
         rig.clear()

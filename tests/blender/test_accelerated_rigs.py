@@ -809,20 +809,13 @@ def test_what_somebody_has_thawed_stays_live(cast):
     cast.play()
 
 
-def test_freezing_it_keeps_what_is_computed(cast):
+@pytest.mark.parametrize("operator", ["freeze", "record"])
+def test_there_is_nothing_to_freeze_or_to_record(cast, operator):
     accelerate(cast)
     select(cast.frozen[0])
-    assert bpy.ops.object.sinew_freeze() == {"FINISHED"}
-    assert cast.rig.is_frozen and not cast.rig.needs_program
-    cast.play()
-    assert cast.rig.record.runs() == [(1, 10)] and cast.rig.shapes.nbytes > 0
-
-
-def test_it_is_recorded_when_somebody_asks(cast):
-    accelerate(cast)
-    select(cast.frozen[0])
-    assert bpy.ops.object.sinew_record() == {"FINISHED"}
-    assert cast.rig.record.runs() == [(1, 10)]
+    played = cast.scene.frame_current
+    assert getattr(bpy.ops.object, f"sinew_{operator}")() == {"FINISHED"}
+    assert cast.rig.source.is_proven and cast.scene.frame_current == played and len(cast.rig.record) == 0
     cast.play()
 
 

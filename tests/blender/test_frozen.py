@@ -158,6 +158,7 @@ def test_a_bound_mesh_that_is_left_to_blender_plays_too(fresh_scene, monkeypatch
     assert np.array_equal(cast.play(), shapes)
 
 
+@pytest.mark.usefixtures("no_program")
 def test_its_bones_are_not_evaluated(cast):
     """What the record holds is what everybody sees."""
     cast.freeze()
@@ -232,18 +233,7 @@ def test_adding_an_object_thaws_it(cast):
 
 
 @pytest.mark.usefixtures("no_program")
-def test_moving_a_key_drops_only_the_frames_that_it_changes(cast):
-    cast.freeze()
-    cast.scene.frame_set(5)
-    for armature, *_ in (cast.frozen, cast.live):
-        curves = addon_module("blender.animation").action_curves(armature.animation_data.action)
-        curve = next(each for each in curves if "bone1" in each.data_path and "location" in each.data_path)
-        for point in curve.keyframe_points:
-            point.interpolation = "LINEAR"
-        curve.update()
-    layer().update()
-    cast.assert_same()
-    cast.play()
+def test_moving_a_key_drops_the_record(cast):
     cast.freeze()
     cast.scene.frame_set(5)
     for armature, *_ in (cast.frozen, cast.live):
@@ -254,11 +244,8 @@ def test_moving_a_key_drops_only_the_frames_that_it_changes(cast):
         curve.keyframe_points[3].handle_right.y += 1
         curve.update()
     layer().update()
-    assert cast.rig.record.runs() == [(1, 7)]
-    assert cast.rig.is_frozen
+    assert len(cast.rig.record) == 0 and not cast.rig.is_frozen
     cast.assert_same()
-    cast.scene.frame_set(9)
-    assert not cast.rig.is_frozen
     cast.play()
     assert cast.rig.record.runs() == [(1, 10)]
 

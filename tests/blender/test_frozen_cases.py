@@ -304,6 +304,7 @@ def test_a_handler_that_sets_a_frame_that_is_not_recorded_while_it_freezes(cast)
     cast.play()
 
 
+@pytest.mark.usefixtures("no_program")
 def test_freeze_right_after_an_edit_plays_what_is_missing(cast):
     cast.record()
     cast.scene.frame_set(4)
@@ -382,6 +383,7 @@ def test_undo_of_an_edit_of_the_armature_drops_its_record(cast):
     cast.play()
 
 
+@pytest.mark.usefixtures("no_program")
 def test_freezing_again_and_again_parses_one_expression(cast, monkeypatch):
     relations, found = addon_module("host.relations"), []
     parsed = relations._parsed
@@ -422,6 +424,7 @@ def test_another_action_is_no_reason_to_compare(cast, reads):
     assert len(reads) == 1
 
 
+@pytest.mark.usefixtures("no_program")
 def test_a_handler_that_has_blender_evaluate_after_each_frame(cast, reads):
     def update(scene, *_):
         scene.view_layers[0].update()

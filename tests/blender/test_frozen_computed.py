@@ -21,17 +21,17 @@ def cast():
 
 
 def freeze_unplayed(cast):
-    """Freezes it on one frame. Nothing is recorded before."""
+    """Freezes it on one frame. Nothing is recorded, before or after."""
     freezing().freeze([cast.rig], cast.scene, layer())
     assert cast.rig.is_frozen, cast.rig.reason
-    assert len(cast.rig.record) == 1
+    assert cast.rig.source.is_proven and len(cast.rig.record) == 0
 
 
 def test_frames_that_were_never_played_are_computed(cast):
     freeze_unplayed(cast)
     cast.play([*FRAMES, 3, -7, 400])
     assert cast.rig.is_frozen
-    assert cast.rig.record.runs() == [(-7, -7), (1, 10), (400, 400)]
+    assert len(cast.rig.record) == 0
     cast.thaw()
     cast.play()
     assert not cast.rig.is_distrusted
@@ -44,7 +44,7 @@ def test_shape_keys_that_it_drives_are_computed(cast):
     freeze_unplayed(cast)
     cast.play([*FRAMES, 30])
     assert cast.rig.is_frozen
-    assert len({cast.rig.record.at(frame).keys for frame in FRAMES}) > 5
+    assert len({computing().moment(cast.rig, frame).keys for frame in FRAMES}) > 5
 
 
 def test_a_key_that_also_follows_what_moves_by_itself_is_recorded(cast):
@@ -74,7 +74,7 @@ def test_a_key_that_also_follows_what_moves_by_itself_is_recorded(cast):
     cast.play()
 
 
-def test_a_whole_range_is_computed_at_once(cast):
+def test_there_is_nothing_to_record(cast):
     played = []
     bpy.app.handlers.frame_change_pre.append(lambda scene, *_: played.append(scene.frame_current))
     try:
@@ -83,7 +83,7 @@ def test_a_whole_range_is_computed_at_once(cast):
     finally:
         bpy.app.handlers.frame_change_pre.pop()
     assert played == []
-    assert cast.rig.record.runs() == [(1, 10)]
+    assert len(cast.rig.record) == 0
     select()
     freezing().freeze([cast.rig], cast.scene, layer())
     cast.play()
@@ -322,7 +322,7 @@ def test_between_two_frames(cast):
         cast.scene.frame_set(frame, subframe=part)
         cast.assert_same()
         assert cast.rig.is_frozen
-    assert cast.rig.record.runs() == [(1, 1), (5, 5)]
+    assert len(cast.rig.record) == 0
     cast.play()
 
 
@@ -399,25 +399,6 @@ def test_a_handler_that_poses_on_each_frame(cast):
 
 
 @pytest.mark.says_errors
-def test_what_is_computed_otherwise_than_by_blender_is_recorded(cast):
-    """On this frame or a later one: it is noticed as soon as Blender evaluates it."""
-    freeze_unplayed(cast)
-    moment = cast.rig.record.at(1)
-    wrong = moment.pose.copy()
-    wrong[-4:].view("float32")[:] += 1e-4
-    cast.thaw()
-    cast.rig.record.put(4, moment._replace(pose=wrong))
-    cast.scene.frame_set(4)
-    assert cast.rig.is_distrusted and not computing().can_be(cast.rig)
-    cast.play()
-    freezing().freeze([cast.rig], cast.scene, layer())
-    cast.play()
-    assert cast.rig.is_frozen
-    cast.scene.frame_set(20)
-    assert not cast.rig.is_frozen
-    cast.assert_same()
-
-
 @pytest.mark.says_errors
 def test_a_program_that_does_not_compute_this_frame_is_not_used(cast, monkeypatch):
     monkeypatch.setattr(computing().rigs, "shows", lambda *_: False)

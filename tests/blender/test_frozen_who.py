@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
-from helpers import addon_module, depsgraph, evaluated, import_rig, select
+from helpers import addon_module, depsgraph, evaluated, import_rig, needs_rig_programs, select
 from test_frozen import FRAMES, freezing, layer, opened_cast, recorded
 
 
@@ -356,6 +356,7 @@ def test_a_target_that_stands_still_is_followed_when_it_is_moved(cast):
 # --- operators and the automatic mode -------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("no_program")
 def test_the_operators(cast):
     select(cast.frozen[1])
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
@@ -369,6 +370,7 @@ def test_the_operators(cast):
     cast.play()
 
 
+@pytest.mark.usefixtures("no_program")
 def test_freezing_records_what_is_not_recorded(cast):
     select(cast.live[0])
     cast.scene.frame_set(4)
@@ -394,22 +396,6 @@ def test_the_operator_says_why_not(cast):
 
 
 @pytest.mark.usefixtures("no_program")
-def test_what_is_not_selected_is_frozen_and_what_is_picked_is_live(cast):
-    cast.scene.sinew_freezes_others = True
-    select(cast.live[0])
-    layer().update()
-    freezing().freeze_again(cast.scene, layer())
-    cast.play()
-    for picked, left in (both(cast), both(cast)[::-1]):
-        select(picked[0])
-        layer().update()
-        assert not recorded().get(picked[0]).is_frozen
-        freezing().freeze_again(cast.scene, layer())
-        assert recorded().get(left[0]).is_frozen
-        cast.play()
-
-
-@pytest.mark.usefixtures("no_program")
 def test_a_frame_that_is_not_recorded_thaws_and_the_record_stays(cast):
     cast.record()
     freezing().freeze([cast.rig], cast.scene, layer())
@@ -424,29 +410,38 @@ def test_a_frame_that_is_not_recorded_thaws_and_the_record_stays(cast):
     cast.play()
 
 
+@pytest.mark.usefixtures("no_program")
 def test_a_limit_of_memory_drops_the_oldest_frames(cast):
     limit = recorded().store.limit
     cast.record()
-    size = (cast.rig.record.nbytes + cast.rig.shapes.nbytes) // 10
-    assert recorded().used_memory() == cast.rig.record.nbytes + cast.rig.shapes.nbytes
+    size = cast.rig.record.nbytes // 10
+    assert recorded().used_memory() == cast.rig.record.nbytes
     try:
         recorded().store.set_limit(4 * size)
         assert cast.rig.record.runs() == [(7, 10)]
         freezing().freeze([cast.rig], cast.scene, layer())
         cast.play()
         assert len(cast.rig.record) == 4
-        assert [len(mesh.record) for mesh in cast.rig.shapes] == [4]
     finally:
         recorded().store.set_limit(limit)
 
 
-def test_the_panel_lists_who_is_frozen(cast):
+@needs_rig_programs
+def test_the_panel_lists_who_is_native(cast):
     ui = addon_module("ui.played_rigs")
     cast.freeze()
-    assert ui.frames_text(cast.rig) == ("computed" if bpy.app.version >= (4, 2, 0) else "1 to 10")
+    assert ui.frames_text(cast.rig) == "native"
     cast.thaw()
+    assert ui.frames_text(cast.rig) == "Blender's"
+
+
+@pytest.mark.usefixtures("no_program")
+def test_the_panel_lists_what_is_recorded(cast):
+    ui = addon_module("ui.played_rigs")
+    cast.freeze()
     assert ui.frames_text(cast.rig) == "1 to 10"
-    cast.rig.record.drop_within([(1, 4), (5, 7)])
+    for frame in (2, 3, 6):
+        cast.rig.record.drop_frame(frame)
     assert ui.frames_text(cast.rig) == "1, 4 to 5, 7 to 10"
     select(cast.live[0])
     assert ui.SidebarFrozen.poll(bpy.context)

@@ -2,7 +2,6 @@
 
 #include <array>
 
-#include "host/frame_shape.h"
 #include "host/memory.h"
 
 namespace sinew::bindings {
@@ -61,24 +60,6 @@ TEST(BlendersMemory, ABentBoneHasAMotionForEachEndOfItsSegments) {
   EXPECT_FALSE(copy(2));
   bone.segments = 0;
   EXPECT_FALSE(copy(3));
-}
-
-TEST(FrameShape, EachSettingOfAStageIsInTheDigest) {
-  const auto topology = std::make_shared<Topology>(2, std::vector<std::int32_t>{0, 1});
-  const auto body = std::make_shared<CorrectiveSmooth>(topology, std::vector<float>(6), VertexGroup{});
-  const auto digest = [&](const auto& change) {
-    CorrectiveSmooth::Settings settings;
-    change(settings);
-    const Stage stage = Staged<CorrectiveSmooth>{body.get(), settings};
-    return digest_of(1, {}, {}, {&stage, 1});
-  };
-  const auto plain = digest([](auto&) {});
-  EXPECT_EQ(plain, digest([](auto&) {}));
-  EXPECT_NE(plain, digest([](auto& own) { own.only_smooth = !own.only_smooth; }));
-  EXPECT_NE(plain, digest([](auto& own) { own.factor += 0.125f; }));
-  EXPECT_NE(plain, digest([](auto& own) { own.iterations += 1; }));
-  EXPECT_NE(plain, digest([](auto& own) { own.scale += 0.125f; }));
-  EXPECT_NE(plain, digest([](auto& own) { own.type = SmoothType::length_weighted; }));
 }
 
 }  // namespace

@@ -60,7 +60,6 @@ PURE = {
     "deform.clips",
     "deform.influences",
     "played.records",
-    "played.stored_keys",
     "host.features",
     "host.members",
     "native",

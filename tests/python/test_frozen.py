@@ -1,9 +1,8 @@
-"""The records of frozen characters: within their memory, and only the frames that an edit changes are dropped."""
+"""The records of characters, within their memory, and what is stored in F-curves."""
 
 import ast
 import ctypes
 import importlib
-import math
 import sys
 import types
 from pathlib import Path
@@ -14,7 +13,7 @@ import sinew_native
 
 package = sys.modules["sinew_alone"] = types.ModuleType("sinew_alone")
 package.__path__ = [str(Path(__file__).resolve().parents[2] / "addon" / "sinew")]
-records, stored_keys = (importlib.import_module(f"sinew_alone.played.{name}") for name in ("records", "stored_keys"))
+records = importlib.import_module("sinew_alone.played.records")
 host = sinew_native.host
 
 
@@ -52,53 +51,6 @@ def test_a_pose_that_does_not_fit_is_not_kept():
     record = records.Record(store)
     record.put(1, pose())
     assert (len(record), store.used) == (0, 0)
-
-
-def curve(frames, values, is_local=True, is_flat_outside=True, settings=()):
-    keys = np.array([frames, values], np.float32).T.copy().view(np.uint8)
-    return stored_keys.Curve(np.array(frames, np.float32), keys, is_local, is_flat_outside, settings)
-
-
-FRAMES = [1, 5, 10, 20]
-
-
-@pytest.mark.parametrize(
-    "frames, values, expected",
-    [
-        (FRAMES, [0, 0, 0, 0], []),
-        (FRAMES, [0, 1, 0, 0], [(1, 10)]),
-        (FRAMES, [0, 0, 1, 0], [(5, 20)]),
-        (FRAMES, [1, 0, 0, 0], [(-math.inf, 5)]),
-        (FRAMES, [0, 0, 0, 1], [(10, math.inf)]),
-        ([1, 5, 12, 20], [0, 0, 0, 0], [(5, 20)]),
-        ([1, 5, 7, 10, 20], [0, 0, 0, 0, 0], [(5, 10)]),
-        ([1, 5, 20], [0, 0, 0], [(5, 20)]),
-        ([1, 5, 10], [0, 0, 0], [(10, math.inf)]),
-        ([], [], [stored_keys.ALL]),
-    ],
-)
-def test_which_frames_an_edit_changes(frames, values, expected):
-    assert stored_keys.changed({"x": curve(FRAMES, [0] * 4)}, {"x": curve(frames, values)}) == expected
-
-
-def test_a_curve_that_goes_on_outside_depends_on_its_last_segments():
-    old = {"x": curve(FRAMES, [0] * 4, is_flat_outside=False)}
-    assert stored_keys.changed(old, {"x": curve(FRAMES, [0, 1, 0, 0], is_flat_outside=False)}) == [(-math.inf, 10)]
-    assert stored_keys.changed(old, {"x": curve(FRAMES, [0, 0, 1, 0], is_flat_outside=False)}) == [(5, math.inf)]
-
-
-@pytest.mark.parametrize("change", ["settings", "curves", "modifiers"])
-def test_other_edits_change_all_frames(change):
-    old = {"x": curve(FRAMES, [0] * 4, is_local=change != "modifiers")}
-    new = dict(old)
-    if change == "settings":
-        new["x"] = old["x"]._replace(settings=("muted",))
-    elif change == "modifiers":
-        new["x"] = curve(FRAMES, [0, 1, 0, 0], is_local=False)
-    else:
-        new["y"] = old["x"]
-    assert stored_keys.changed(old, new) == [stored_keys.ALL]
-    assert stored_keys.changed(old, old) == []
 
 
 # --- the memory of poses --------------------------------------------------------------------------
@@ -235,56 +187,6 @@ def test_many_steps_are_independent():
     assert said == [bool(number % 3) for number in range(40)]
     assert [is_pose(ctypes.addressof(bones), after) for bones in targets] == said
     assert host.step_poses(LAYOUT, []) == []
-
-
-# --- the shapes of meshes -------------------------------------------------------------------------
-
-MATRICES = np.tile(np.eye(4, dtype=np.float32), (2, 1, 1))
-POSITIONS = np.arange(6, dtype=np.float32).reshape(2, 3)
-
-
-def shape(identity=1, matrices=MATRICES, space=None, values=None, stages=()):
-    return host.shape_of(identity, [(matrices, space)], values, stages, POSITIONS)
-
-
-def test_a_shape_is_a_copy():
-    given = POSITIONS.copy()
-    found = host.shape_of(1, [], None, (), given)
-    given[0] = 7
-    assert np.array_equal(found.positions, POSITIONS)
-    assert found.nbytes > POSITIONS.nbytes
-    assert not found.positions.flags.writeable
-
-
-def test_a_shape_knows_what_it_was_computed_from():
-    topology = sinew_native.Topology(2, np.array([[0, 1]]))
-    smooth = sinew_native.Smooth(topology)
-    moved = MATRICES.copy()
-    moved[1, 2, 3] = np.nextafter(np.float32(0), np.float32(1))
-    values = np.array([0, 0.5, 0.25], np.float32)
-    different = [
-        shape(),
-        shape(2),
-        shape(matrices=moved),
-        shape(space=np.eye(4)),
-        shape(space=np.diag([1.0, 1, 2, 1])),
-        shape(values=values),
-        shape(values=values[::-1].copy()),
-        shape(stages=[smooth.stage(0.5, 3)]),
-        shape(stages=[smooth.stage(0.5, 4)]),
-        shape(stages=[smooth.stage(0.5, 3)] * 2),
-    ]
-    for i, one in enumerate(different):
-        assert [one.is_of_same(other) for other in different] == [i == j for j in range(len(different))]
-    in_columns = MATRICES.transpose(0, 2, 1).copy().transpose(0, 2, 1)
-    assert shape(matrices=in_columns).is_of_same(shape())
-
-
-def test_a_shape_that_follows_another_object_is_not_known():
-    lattice = sinew_native.Lattice(2)
-    points = np.zeros((1, 3), np.float32)
-    stage = lattice.stage(points, (1, 1, 1), (0, 0, 0), (1, 1, 1), ("linear",) * 3, np.eye(4))
-    assert shape(stages=[stage]) is None
 
 
 # --- F-curves -------------------------------------------------------------------------------------

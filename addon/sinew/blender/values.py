@@ -58,3 +58,11 @@ def to_property(array: np.ndarray) -> list[float]:
 def from_property(values: Any, dtype: Any, shape: tuple[int, ...]) -> np.ndarray:
     """Converts a custom property with a list of numbers to an array."""
     return np.array(values.to_list() if hasattr(values, "to_list") else values, dtype).reshape(shape)
+
+
+def is_alive(block: Any) -> bool:
+    """Whether a data-block still exists."""
+    try:
+        return block is not None and bool(block.as_pointer())
+    except ReferenceError:
+        return False

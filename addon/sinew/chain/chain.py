@@ -1,6 +1,5 @@
 """What computes a mesh's shape: the native objects built from what was read, in the order in which they run."""
 
-import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -13,8 +12,6 @@ from .leaving import LeaveToBlender
 # Rebuilds allowed between two edits before Blender takes over. If influences depend on where the shape is (envelopes,
 # curved B-bones) and the mesh moves relative to its armature, they would have to be rebuilt on every frame.
 MOST_REBUILDS = 8
-
-_identities = itertools.count(1)
 
 
 class Chain:
@@ -29,7 +26,6 @@ class Chain:
         self._stages = stages.Stages()  # of the run
         self._made_of: tuple = ()  # what the deformer was made of
         self._has_asked = False  # for a plan that leaves later Armature modifiers to Blender
-        self._identity, self._computed_by = 0, tuple[Any, ...]()  # see identity
 
     def look_again(self) -> None:
         """Has the next frame check what the stages are made from, after an edit."""
@@ -137,19 +133,6 @@ class Chain:
         otherwise None."""
         reading = self._copy.reading
         return reading.rest if not self.first.layers and reading.keys is None else None
-
-    def identity(self, ob: Any) -> int:
-        """Returns a number for the deformer, the native objects of the stages and what they start from, as the last
-        evaluation had them. No others have the same number. ob: evaluated."""
-        natives = (
-            self.later[name].native if name in self.later else self._stages.native_of(name)
-            for name in self.stage_names(ob)
-        )
-        computed_by = self.deformer, self.rest_of_stages(), *natives
-        if not _same(self._computed_by, computed_by):
-            # Kept, so that nothing else gets their addresses.
-            self._computed_by, self._identity = computed_by, next(_identities)
-        return self._identity
 
 
 def _same(before: Sequence[Any], now: Sequence[Any]) -> bool:

@@ -1,7 +1,7 @@
 """Onion skins as data: the shapes of characters' meshes on the frames that were played, and which of them to show.
 
-A shape is kept together with the recorded pose that it was made in, and counts only as long as the record still has
-that pose: an edit that drops frames of a record drops their ghosts as well. Whatever else changes a shape (weights,
+A shape is kept together with what its pose came from, the rig's program or a recorded pose, and counts only as long as
+the rig still has that: an edit that drops it drops the ghosts as well. Whatever else changes a shape (weights,
 modifiers, the mesh) is noticed by comparing, on each frame that is evaluated."""
 
 import weakref
@@ -33,7 +33,7 @@ class Shape(NamedTuple):
     positions: np.ndarray  # (V, 3) float32, space of the object
     matrix: np.ndarray  # (4, 4) float32, to world space
     topology: Topology
-    pose: Any  # weak reference to the pose that the record held on that frame: the store alone keeps it
+    origin: Any  # weak reference to what Rig.origin returned: what keeps that is the rig alone
 
     @property
     def nbytes(self) -> int:
@@ -56,24 +56,24 @@ class Skins:
     object_count: int = 0  # of the file, when they were found
     shapes: dict[int, records.Record] = field(default_factory=dict)  # by key of the object
     topologies: dict[int, Topology] = field(default_factory=dict)  # likewise
-    # Weak references to the poses that the record held when a frame's shapes were kept.
+    # Weak references to what Rig.origin returned when a frame's shapes were kept.
     seen: dict[int, Any] = field(default_factory=dict)
 
-    def shape(self, key: int, frame: int, moment: Any) -> Shape | None:
-        """Returns the shape of a mesh object on a frame, if it is from the pose that is recorded there."""
+    def shape(self, key: int, frame: int, origin: Any) -> Shape | None:
+        """Returns the shape of a mesh object on a frame, if its pose is from this origin."""
         record = self.shapes.get(key)
         found = record.at(frame) if record is not None else None
-        return found if found is not None and moment is not None and found.pose() is moment.pose else None
+        return found if found is not None and origin is not None and found.origin() is origin else None
 
-    def lacks(self, frame: int, moment: Any) -> bool:
+    def lacks(self, frame: int, origin: Any) -> bool:
         """Whether a frame has to be played for its shapes."""
         found = self.seen.get(frame)
-        return found is None or moment is None or found() is not moment.pose
+        return found is None or found() is not origin
 
-    def see(self, frame: int, moment: Any) -> None:
+    def see(self, frame: int, origin: Any) -> None:
         """Notes that a frame need not be played for its shapes."""
-        if moment is not None:
-            self.seen[frame] = weakref.ref(moment.pose)
+        if origin is not None:
+            self.seen[frame] = weakref.ref(origin)
 
     def drop(self, key: int) -> None:
         """Discards all shapes of one mesh object."""
@@ -135,13 +135,12 @@ def fill(scene: Any, frames: Iterable[int]) -> bool:
         if any(map(followers.is_simulated, objects)) or elsewhere.animated(objects, scene) is None:
             continue
         is_any = True
-        computing.fill([rig], lacking)
         with elsewhere.on_frames(objects, scene) as evaluated_on:
             for frame in lacking:
-                graph, moment = evaluated_on(frame), rig.record.at(frame)
+                graph, moment = evaluated_on(frame), computing.moment(rig, frame)
                 if moment is not None and rigs.is_shown(rig, graph, moment):
-                    _keep_frame(rig, graph, frame, moment)
-                rig.skins.see(frame, moment)  # and is not tried again
+                    _keep_frame(rig, graph, frame)
+                rig.skins.see(frame, rig.origin(frame))  # and is not tried again
                 if perf_counter() - began > SECONDS:
                     return True
     return is_any
@@ -186,19 +185,22 @@ def _keep_all(scene: Any, graph: Any) -> None:
     """Keeps the shapes of all characters that show ghosts, on the scene's frame."""
     frame = rigs.whole_frame(scene)
     for rig in shown():
-        moment = rigs.now(rig, scene)
-        if frame is None or moment is None or not rigs.is_shown(rig, graph, moment):
+        if frame is None:
+            continue
+        moment = rig.at(frame) or computing.moment(rig, frame)
+        if moment is None or not rigs.is_shown(rig, graph, moment):
             continue
         try:
-            _keep_frame(rig, graph, frame, moment)
+            _keep_frame(rig, graph, frame)
         except ReferenceError:  # one was removed, and another one added
             _find_objects(rig)
 
 
-def _keep_frame(rig: rigs.Rig, graph: Any, frame: int, moment: Any) -> None:
-    for ob in rig.skins.objects:
-        _keep(rig.skins, ob, graph, frame, moment)
-    rig.skins.see(frame, moment)
+def _keep_frame(rig: rigs.Rig, graph: Any, frame: int) -> None:
+    origin = rig.origin(frame)
+    for ob in rig.skins.objects if origin is not None else ():
+        _keep(rig.skins, ob, graph, frame, origin)
+    rig.skins.see(frame, origin)
 
 
 def _look_at_edits(rig: rigs.Rig, graph: Any) -> None:
@@ -213,7 +215,7 @@ def _look_at_edits(rig: rigs.Rig, graph: Any) -> None:
             rig.skins.drop(values.key_of(ob))
 
 
-def _keep(skins: Skins, ob: Any, graph: Any, frame: int, moment: Any) -> None:
+def _keep(skins: Skins, ob: Any, graph: Any, frame: int, origin: Any) -> None:
     """Keeps the shape of a mesh. If the frame has another one that was made in the same pose, the mesh has changed:
     its shapes on other frames are discarded."""
     evaluated, key = ob.evaluated_get(graph), values.key_of(ob)
@@ -221,7 +223,7 @@ def _keep(skins: Skins, ob: Any, graph: Any, frame: int, moment: Any) -> None:
         return
     positions = meshes.read_positions(evaluated.data)
     matrix = np.array(evaluated.matrix_world, np.float32)
-    known = skins.shape(key, frame, moment)
+    known = skins.shape(key, frame, origin)
     if known is not None:
         if np.array_equal(known.positions, positions) and np.array_equal(known.matrix, matrix):
             return
@@ -229,7 +231,7 @@ def _keep(skins: Skins, ob: Any, graph: Any, frame: int, moment: Any) -> None:
     topology = _topology(skins, key, evaluated.data)
     if topology is not None:
         record = skins.shapes.setdefault(key, records.Record(rigs.store))
-        record.put(frame, Shape(positions, matrix, topology, weakref.ref(moment.pose)))
+        record.put(frame, Shape(positions, matrix, topology, weakref.ref(origin)))
 
 
 def _topology(skins: Skins, key: int, mesh: Any) -> Topology | None:
@@ -266,6 +268,6 @@ def around(scene: Any, before: int, after: int, step: int, objects: Iterable[Any
         for frame, steps in frames_around(scene.frame_current, before, after, step)
         for rig in own
         for key in rig.skins.shapes
-        for shape in (rig.skins.shape(key, frame, rig.record.at(frame)),)
+        for shape in (rig.skins.shape(key, frame, rig.origin(frame)),)
         if key in keys and shape is not None
     ]

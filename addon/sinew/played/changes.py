@@ -1,31 +1,16 @@
-"""Records armatures while they play, and drops from the records what an edit changes: all, or of keyframes of the
-armature's own action those frames on which they matter."""
+"""Records armatures while they play, and drops the records of those that are edited."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from ..blender import armatures, dependencies, values
+from ..blender import dependencies, values
 from ..description import edits
 from ..host import evaluations
-from . import differences, followers, rigs, stored_keys, watch
+from . import differences, followers, rigs, watch
 from .followers import Followers
-from .keys import Keys, keys_of
+from .keys import keys_of
 
 MOST_TO_SKIP = 63  # frames, of an armature that somebody edits on each
-
-
-def changed(old: Keys, new: Keys) -> list[tuple[float, float]]:
-    """Returns the ranges of times, without their ends, on which two states of the same action may differ."""
-    numbers = old.curves.differing(new.curves)
-    if numbers is None or (old.others, old.settings) != (new.others, new.settings):
-        return [stored_keys.ALL]
-
-    def curve(keys: Keys, i: int) -> stored_keys.Curve:
-        stored = keys.curves
-        is_local = stored.is_local(i)
-        return stored_keys.Curve(stored.frames(i), stored.keys(i), is_local, i in keys.flat, (stored.settings(i),))
-
-    return stored_keys.changed({i: curve(old, i) for i in numbers}, {i: curve(new, i) for i in numbers})
 
 
 def look(own: Iterable[rigs.Rig], graph: Any, looks_at_copies: bool = True) -> list[rigs.Rig]:
@@ -68,7 +53,7 @@ def expect_no_more(own: Iterable[rigs.Rig], graph: Any) -> None:
 
 
 def compare_keys(rig: rigs.Rig, graph: Any) -> None:
-    """Drops those frames of a record on which edited keyframes matter."""
+    """Drops the record of an armature whose keyframes are not those that it was made with."""
     if rig.watch is None or not rig.has_edited_keys:
         return
     rig.has_edited_keys = False
@@ -76,10 +61,10 @@ def compare_keys(rig: rigs.Rig, graph: Any) -> None:
         found = keys_of(rig.watch.action)
     except ReferenceError:
         return drop_all(rig)
-    ranges = changed(rig.keys, found)
-    rig.keys = found
+    is_like, rig.keys = found.is_like(rig.keys), found
     rig.watch.mark_keys(graph)
-    drop(rig, [stored_keys.ALL] if ranges and rig.tempo[0] != rig.tempo[1] else ranges)
+    if not is_like:
+        drop(rig)
 
 
 def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
@@ -92,15 +77,8 @@ def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
     for rig in own:
         compare_keys(rig, graph)
         moment, copy = rigs.now(rig, scene), rigs.evaluated_copy(rig, graph)
-        if rig.tempo != tempo_of(scene):
-            drop_all(rig)
-        elif moment is None or rigs.shows(rig, graph, moment) or differences.is_near(rig, copy, frame):
-            continue
-        elif rig.source.is_proven and not rigs.is_hidden(rig, graph):  # something has changed that was not noticed
-            rig.has_differed, difference = True, differences.Difference.between(rig, copy, frame)
-            differ(rig)
-            differences.note(rig, difference)
-        else:
+        is_right = moment is None or rigs.shows(rig, graph, moment) or differences.is_near(rig, copy, frame)
+        if rig.tempo != tempo_of(scene) or not is_right:
             drop_all(rig)
     begin([rig for rig in own if rig.watch is None], scene, graph)
     for rig in own:
@@ -108,22 +86,12 @@ def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
             rig.record.put(frame, rigs.moment_of(rig, graph))
         if len(rig.record) > 2:
             rig.restless = 0
-        rig.shapes.note(frame, graph)
 
 
 def can_record(rig: rigs.Rig, scene: Any, graph: Any) -> bool:
     """Whether the scene's frame of an armature can be recorded."""
     is_there = rigs.evaluated_copy(rig, graph) is not None and rigs.whole_frame(scene) is not None
     return is_there and rig.is_recorded and rig.to_skip == 0 and rig.ob.mode != "EDIT" and rigs.has_animation(rig.ob)
-
-
-def ask_for_shapes(own: Sequence[rigs.Rig], graph: Any) -> None:
-    """Finds the meshes of armatures that have no record, and asks for their shapes in the next evaluation."""
-    if own:
-        for ob, found in followers.find([rig.ob for rig in own], dependencies.Users.now(), graph).items():
-            rig: Any = rigs.get(ob)
-            follow_shapes(rig, found.hooked if isinstance(found, Followers) else [])
-            rig.shapes.ask_in(graph)
 
 
 def begin(own: Sequence[rigs.Rig], scene: Any, graph: Any) -> None:
@@ -143,7 +111,6 @@ def meet(rig: rigs.Rig, found: Followers, users: Any, graph: Any) -> None:
     if rig.watch is not None and rig.watch.follow != [(values.key_of(keys), numbers) for keys, numbers in found.keyed]:
         drop_all(rig)
     rig.followers = found
-    follow_shapes(rig, found.hooked)
     if rig.watch is None:
         follow = [keys for keys, _numbers in found.keyed]
         chain = dependencies.chain(rig.ob)
@@ -161,22 +128,13 @@ def tempo_of(scene: Any) -> tuple[int, int]:
     return scene.render.frame_map_old, scene.render.frame_map_new
 
 
-def follow_shapes(rig: rigs.Rig, hooked: list[Any]) -> None:
-    """Records the shapes of the meshes with a hook that follow an armature, except for those that another one moves
-    first."""
-
-    def is_first(ob: Any) -> bool:
-        return armatures.of_modifiers(ob)[:1] == [rig.ob]
-
-    rig.shapes.follow(ob for ob in hooked if is_first(ob) and not rig.needs_program)
-
-
 def drop_all(rig: rigs.Rig) -> None:
     """Drops the whole record of an armature. If it was short, the next frames are not recorded: somebody edits it
     again on each."""
     if rig.watch is not None and 0 < len(rig.record) <= 2:
         rig.to_skip, rig.restless = rig.restless, min(2 * rig.restless + 1, MOST_TO_SKIP)
-    drop(rig, [stored_keys.ALL])
+    for each in drop(rig):
+        each.watch = None
 
 
 def differ(rig: rigs.Rig) -> None:
@@ -195,19 +153,15 @@ def trust_again(rig: rigs.Rig) -> None:
         rig.is_distrusted = found is None or found == rig.distrusted
 
 
-def drop(rig: rigs.Rig, ranges: list[tuple[float, float]]) -> None:
-    """Drops frames of an armature, and of those whose bones follow it."""
-    if not ranges:
-        return
+def drop(rig: rigs.Rig) -> list[rigs.Rig]:
+    """Drops what is recorded and computed of an armature, and of those whose bones follow it. Returns them."""
     reached = [rig]
     for each in reached:
-        each.record.drop_within(ranges)
-        each.shapes.drop_within(ranges)
-        each.source, each.passing, each.difference = rigs.Source(), None, None
+        each.record.clear()
+        each.source, each.computed, each.difference = rigs.Source(), None, None
         reached += [
             other
             for other in rigs.known()
             if other not in reached and other.watch is not None and each.key in other.watch.keys
         ]
-        if stored_keys.ALL in ranges:
-            each.watch = None
+    return reached

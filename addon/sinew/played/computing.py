@@ -23,8 +23,6 @@ from .followers import Followers
 from .keys import Keys, keys_of
 from .rigs import Source
 
-FRAMES_AT_ONCE = 32  # that are computed before they are put into the store, whose memory is limited
-
 
 def can_be(rig: rigs.Rig) -> bool:
     """Whether moments of an armature can be computed, as far as is known."""
@@ -32,8 +30,8 @@ def can_be(rig: rigs.Rig) -> bool:
 
 
 def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None:
-    """Reads the program of a live armature, and records the scene's frame by it if that is what Blender shows.
-    Otherwise no frame is computed. found: what follows it, as followers.find returns it; users: as bpy.data.user_map
+    """Reads the program of a live armature, which is proven if it computes what Blender shows on the scene's
+    frame. found: what follows it, as followers.find returns it; users: as bpy.data.user_map
     returns them."""
     frame = rigs.whole_frame(scene)
     is_live = not rig.is_frozen and rigs.evaluated_copy(rig, graph) is not None and rigs.moves(rig.ob)
@@ -44,21 +42,20 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     changes.meet(rig, found if isinstance(found, Followers) else Followers(), users, graph)
     if rig.source.program is None and not read_again(rig, graph):
         read(rig, scene, graph)
-    for moment in _moments([rig], [[frame]])[0]:
-        copy = rigs.evaluated_copy(rig, graph)
-        if rigs.shows(rig, graph, moment) or differences.is_near(rig, copy, frame):
-            rig.source.is_proven, rig.is_posable = True, rig.source.is_posable
-            rig.keep(frame, moment)
-            continue
-        rig.last = None
-        if rig.source.is_proven:  # something has changed that was not noticed
-            changes.drop_all(rig)
-        elif not (
-            rigs.is_hidden(rig, graph)
-            or unkeyed_path(rig, scene.frame_current_final)
-            or followers.unkeyed(rig.ob, scene)
-        ):
-            differences.note(rig, differences.Difference.between(rig, copy, frame))
+    found_moment, copy = moment(rig, frame), rigs.evaluated_copy(rig, graph)
+    if found_moment is None:
+        return
+    if rigs.shows(rig, graph, found_moment) or differences.is_near(rig, copy, frame):
+        rig.source.is_proven, rig.is_posable = True, rig.source.is_posable
+        rig.computed = frame, found_moment
+        return
+    rig.last = None
+    if rig.source.is_proven:  # something has changed that was not noticed
+        changes.drop_all(rig)
+    elif not (
+        rigs.is_hidden(rig, graph) or unkeyed_path(rig, scene.frame_current_final) or followers.unkeyed(rig.ob, scene)
+    ):
+        differences.note(rig, differences.Difference.between(rig, copy, frame))
 
 
 def unkeyed_path(rig: rigs.Rig, frame: float) -> str:
@@ -88,7 +85,7 @@ def may_be_unkeyed(block: bpy.types.ID, frame: float) -> bool:
     return not known.issuperset(rna_paths.normalised(curve.data_path) for curve in own)
 
 
-_Asked = tuple[rigs.Rig, Sequence[float], dict[str, Any]]  # an armature, frames, and what comes from outside on these
+_Asked = tuple[rigs.Rig, float, dict[str, Any]]  # an armature, a frame, and what comes from outside on it
 
 
 class _Ahead:
@@ -115,11 +112,11 @@ class _Ahead:
         if able:
             self._next = frame + step
             self._programs = {rig.key: rig.source.program for rig in able}
-            self._records = sinew_native.RigRecordsAhead(*_asked([(rig, [self._next], {}) for rig in able]))
+            self._records = sinew_native.RigRecordsAhead(*_asked([(rig, self._next, {}) for rig in able]))
 
     def found(self, asked: Sequence[_Asked]) -> list[Any] | None:
-        """Returns what `rig_records` returns of these armatures and their frames, if that was computed ahead."""
-        if self._records is None or any(list(frames) != [self._next] for _rig, frames, _given in asked):
+        """Returns what `rig_records` returns of these armatures on their frames, if that was computed ahead."""
+        if self._records is None or any(frame != self._next for _rig, frame, _given in asked):
             return None
         if any(self._programs.get(rig.key) is not rig.source.program for rig, *_ in asked):
             return None
@@ -134,25 +131,18 @@ _ahead = _Ahead()
 look_ahead, forget = _ahead.begin, _ahead.forget
 
 
-def fill(own: Iterable[rigs.Rig], frames: Sequence[float]) -> None:
-    """Records those of these frames that are missing, of the armatures that have a proven program. Of moments
-    that are not recorded each keeps the last one."""
-    own = list(own)
-    for start in range(0, len(frames), FRAMES_AT_ONCE):
-        _fill(own, frames[start : start + FRAMES_AT_ONCE])
-
-
-def _fill(own: Iterable[rigs.Rig], frames: Sequence[float]) -> None:
+def fill(own: Iterable[rigs.Rig], frame: float) -> None:
+    """Computes a frame of the armatures that have a proven program."""
     for able in leading.levels(rig for rig in own if rig.source.is_proven):
-        lacking = [[frame for frame in frames if rig.at(frame) is None] for rig in able]
-        for rig, missing, moments in zip(able, lacking, _moments(able, lacking)):
-            for frame, moment in zip(missing, moments):
-                rig.keep(frame, moment)
+        lacking = [rig for rig in able if rig.at(frame) is None]
+        for rig, found in zip(lacking, _moments(lacking, frame)):
+            if found is not None:
+                rig.computed = frame, found
 
 
 def moment(rig: rigs.Rig, frame: float) -> rigs.Moment | None:
     """Returns a moment of an armature with a program. If that fails, returns None, and it has no program any more."""
-    return next(iter(_moments([rig], [[frame]])[0]), None)
+    return _moments([rig], frame)[0]
 
 
 def read(rig: rigs.Rig, scene: Any, graph: Any) -> None:
@@ -284,31 +274,26 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
 def _asked(asked: Sequence[_Asked]) -> tuple[list[Any], Any]:
     """Returns the arguments of `rig_records`."""
     return [
-        (rig.source.program, np.array(frames, np.float32), rig.source.places, given) for rig, frames, given in asked
+        (rig.source.program, np.array([frame], np.float32), rig.source.places, given) for rig, frame, given in asked
     ], poses.fields()
 
 
-def _moments(own: Sequence[rigs.Rig], frames: Sequence[Sequence[float]]) -> list[list[rigs.Moment]]:
-    """Returns the moments of each armature on its frames; none of those without a program, or that follow one without
+def _moments(own: Sequence[rigs.Rig], frame: float) -> list[rigs.Moment | None]:
+    """Returns the moment of each armature on a frame; None for those without a program, or that follow one without
     it."""
     able: list[_Asked] = []
-    for rig, each in zip(own, frames):
-        if rig.source.program is not None and each:
+    for rig in own:
+        if rig.source.program is not None:
             with contextlib.suppress(leading.Unknown):
-                able.append((rig, each, leading.inputs(rig, each)))
-    found: dict[int, list[rigs.Moment]] = {}
+                able.append((rig, frame, leading.inputs(rig, [frame])))
+    found: dict[int, rigs.Moment] = {}
     results = _ahead.found(able) if able else []
     for (rig, *_), result in zip(able, sinew_native.rig_records(*_asked(able)) if results is None else results):
         if isinstance(result, str):
             rig.source = Source(refusal=result)
             continue
+        (record,), (numbers,) = result[0], result[1].tolist()
         ends = list(itertools.accumulate(rig.source.counts, initial=0))
-        found[rig.key] = [
-            rigs.Moment(
-                record.copy() if len(result[0]) > 1 else record,  # or one would keep the memory of all
-                tuple(tuple(numbers[a:b]) for a, b in itertools.pairwise(ends)),
-                tuple(numbers[ends[-1] :]),
-            )
-            for record, numbers in zip(result[0], result[1].tolist())
-        ]
-    return [found.get(rig.key, []) for rig in own]
+        values = tuple(tuple(numbers[a:b]) for a, b in itertools.pairwise(ends))
+        found[rig.key] = rigs.Moment(record, values, tuple(numbers[ends[-1] :]))
+    return [found.get(rig.key) for rig in own]

@@ -9,10 +9,10 @@ from typing import Any
 import bpy
 
 from ..blender import animation, dependencies, nodes, values
+from ..blender.values import is_alive
 from ..description import objects, rna_paths
 from ..host import contract, features, members, poses, relations
 from ..plan import wiring
-from .shapes import is_alive
 
 # Constraints that depend on the frame, or on what cannot be watched.
 TIMED = {"TRANSFORM_CACHE", "FOLLOW_TRACK", "CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_PATH"}

@@ -97,13 +97,11 @@ def want(rig: rigs.Rig, needs_program: bool = False) -> None:
 
 
 def keep_records(rig: rigs.Rig) -> None:
-    """Records an armature from now on that may only be accelerated until now."""
+    """Records an armature from now on, while Blender evaluates it, that may only be native until now."""
     if rig.needs_program:
         rig.needs_program = False
         if rig.state is State.WANTED:
             rig.state = State.LIVE
-        if rig.passing is not None:
-            rig.keep(*rig.passing)
 
 
 def thaw(chosen: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
@@ -238,6 +236,8 @@ def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
         return False
     rig.is_selected = not _selected(layer).isdisjoint(rig.followers.keys | {rig.key})
     rig.shown, rig.pose, rig.state = rigs.whole_frame(scene), pose, State.FROZEN
+    if rig.source.is_proven:
+        rig.record.clear()
     rig.animation, rig.asks_for_keys = rigs.animation_of(rig.ob), False
     if not is_shown:
         rigs.show(rig, graph, pose)
@@ -449,15 +449,10 @@ def _has_other_keys(ob: Any) -> bool:
 
 
 def freeze_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
-    """Freezes what is wanted frozen, is not selected, and is recorded on this frame. If the scene asks for it, every
-    character is wanted frozen and recorded while it plays. is_playing: freezes only what was thawed because another one
-    was. Call it in the main thread, outside an evaluation."""
+    """Freezes what is wanted frozen, is not selected, and is computed or recorded on this frame. is_playing: freezes
+    only what was thawed because another one was. Call it in the main thread, outside an evaluation."""
     layer.update()  # an edit that Blender has yet to evaluate would count as a difference
     settle(layer.depsgraph)
-    if scene.sinew_freezes_others and not is_playing:
-        for ob in layer.objects:
-            if ob.type == "ARMATURE" and rigs.has_animation(ob):
-                want(rigs.learn(ob))
     waiting = [
         rig
         for rig in rigs.known()

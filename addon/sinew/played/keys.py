@@ -10,8 +10,7 @@ class Keys(NamedTuple):
     """What is stored in an action."""
 
     curves: Any  # sinew_native.host.StoredCurves
-    others: dict[int, Any]  # of the curves with modifiers or samples, by number: what cannot be compared in part
-    flat: frozenset[int]  # numbers of the curves that are constant before their first and after their last keyframe
+    others: dict[int, Any]  # of the curves with modifiers or samples, by number
     settings: Any  # of all else
 
     def is_like(self, other: "Keys") -> bool:
@@ -25,6 +24,5 @@ def keys_of(action: Any) -> Keys:
     curves = animation.action_curves(action)
     stored = keyframes.read(curves)
     others = {i: dependencies.plain(each) for i, each in enumerate(curves) if not stored.is_local(i)}
-    flat = frozenset(i for i, each in enumerate(curves) if each.extrapolation == "CONSTANT")
     layers = [dependencies.plain(each) for each in getattr(action, "layers", ())]
-    return Keys(stored, others, flat, (layers, animation.in_muted_groups(action)))
+    return Keys(stored, others, (layers, animation.in_muted_groups(action)))

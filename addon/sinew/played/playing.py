@@ -51,7 +51,6 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
         for graph in rigs.graphs(rigs.known()):
             changes.expect_no_more(rigs.at_home(graph), graph)
     frozen: dict[int, list[rigs.Rig]] = {}  # by view layer
-    new: dict[int, list[rigs.Rig]] = {}
     for rig in rigs.known():
         if rig.rest.left and rig.graph() is not None:
             rig.rest.note_live(resting.is_edited(rig.ob, rig.graph()), is_new_frame)
@@ -62,12 +61,6 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
                 layers = [each for each in scene.view_layers if rigs.evaluated_copy(rig, each.depsgraph) is not None]
                 if layers:
                     rig.live_in(scene, bpy.context.view_layer if bpy.context.view_layer in layers else layers[0])
-            if changes.can_record(rig, scene, rig.graph()):
-                new.setdefault(rig.layer, []).append(rig)
-    for own in new.values():
-        changes.ask_for_shapes(own, own[0].graph())
-    for rig in rigs.known():
-        rig.shapes.ask(rigs.whole_frame(scene))
     for own in frozen.values():
         graph = own[0].graph()
         if graph is None:
@@ -100,7 +93,7 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
     if not reasons:
         posed = [rig for rig in own if not rig.is_frozen]
         reasons = freezing.resume(posed, graph) if posed else {}
-        computing.fill(own, [frame])
+        computing.fill(own, frame)
     for rig in own:
         if rig.at(frame) is None:
             reasons.setdefault(rig.key, f"frame {frame:g} of {rig.name} is not recorded: it is live there")
@@ -243,13 +236,6 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
         return
     if is_new_frame:
         changes.record([rig for rig in own if not rig.is_idle], scene, graph)
-    whole = rigs.whole_frame(scene)
     for rig in own:
-        if rig.is_frozen:
-            if whole is not None:
-                rig.shapes.note(whole, graph)
-        else:
-            if rig.skins is not None:
-                changes.compare_keys(rig, graph)
-            if not is_new_frame:
-                rig.shapes.drop_edited()
+        if rig.skins is not None and not rig.is_frozen:
+            changes.compare_keys(rig, graph)

@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from . import comparing, computing, freezing, reasons, rigs
+from . import comparing, freezing, reasons, rigs
 
 
 def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
@@ -16,14 +16,16 @@ def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
 
 
 def missing(rig: rigs.Rig, scene: bpy.types.Scene) -> list[int]:
-    """Returns the frames of the range that are not recorded, or not with the shapes that its onion skins need."""
+    """Returns the frames of the range that are neither computed nor recorded, or lack the shapes that its onion skins
+    need."""
     first, last = frame_range(scene)
     return [frame for frame in range(first, last + 1) if lacks(rig, frame)]
 
 
 def lacks(rig: rigs.Rig, frame: int) -> bool:
-    """Whether a frame is not recorded, or not with the shapes that onion skins need."""
-    return frame not in rig.record or rig.skins is not None and rig.skins.lacks(frame, rig.record.at(frame))
+    """Whether a frame is neither computed nor recorded, or lacks the shapes that onion skins need."""
+    origin = rig.origin(frame)
+    return origin is None or rig.skins is not None and rig.skins.lacks(frame, origin)
 
 
 def armatures_of(objects: Iterable[Any]) -> list[Any]:
@@ -65,11 +67,10 @@ def steps(
     for rig in own:
         if rig.source.is_proven and not rig.source.compared and comparing.compare(rig, scene):
             freezing.keep_frozen(scene, layer)
-    yield from _compute(own, scene)
     wanted = [rig for rig in own if rig.is_wanted]
     lacking = {rig.key: _to_play(rig, scene, now, plays_for_ghosts) for rig in own}
     frames = sorted({frame for each in lacking.values() for frame in each})
-    freezing.thaw([rig for rig in own if lacking[rig.key]], scene, layer)
+    freezing.thaw([rig for rig in own if lacking[rig.key] and not rig.source.is_proven], scene, layer)
     frame, subframe = scene.frame_current, scene.frame_subframe
     try:
         for number, each in enumerate(frames):
@@ -82,23 +83,11 @@ def steps(
             freezing.want(rig)
 
 
-def _compute(own: list[rigs.Rig], scene: bpy.types.Scene) -> Generator[tuple[float, str], None, None]:
-    """Records the range of those that are computed, as steps, until what is computed only takes the room of the frames
-    before."""
-    first, last = frame_range(scene)
-    for start in range(first, last + 1, computing.FRAMES_AT_ONCE):
-        able = [rig for rig in own if rig.source.is_proven]
-        if start > first and all(first not in rig.record for rig in able):
-            return
-        yield (start - first) / (last + 1 - first), f"computing frame {start}"
-        computing.fill(able, range(start, min(start + computing.FRAMES_AT_ONCE, last + 1)))
-
-
 def _to_play(rig: rigs.Rig, scene: bpy.types.Scene, now: int | None, plays_for_ghosts: bool) -> list[int]:
-    """Returns the frames that have to be played, without those for which there was no room if they are computed."""
+    """Returns the frames that have to be played: none of those that are computed, unless for ghosts."""
     first, last = frame_range(scene)
     frames = [*range(first, last + 1), *([now] if now is not None else ())]
     found = [] if rig.source.is_proven else [frame for frame in frames if frame not in rig.record]
-    if plays_for_ghosts:
-        found += [frame for frame in frames if frame in rig.record and lacks(rig, frame)]
+    if plays_for_ghosts and rig.skins is not None:
+        found += [frame for frame in frames if rig.origin(frame) is not None and lacks(rig, frame)]
     return found

@@ -1,8 +1,6 @@
 """The recorded poses of all armatures, within a limit of memory. Does not use Blender."""
 
-import math
 from collections import OrderedDict
-from collections.abc import Iterable
 from typing import Any
 
 MEGABYTE = 2**20
@@ -35,15 +33,9 @@ class Record:
         if self._poses.pop(frame, None) is not None:
             self._store.forget(self, frame)
 
-    def drop_within(self, ranges: Iterable[tuple[float, float]]) -> None:
-        """Drops the poses of the frames strictly between the ends of each range."""
-        ranges = list(ranges)
-        dropped = [frame for frame in self._poses if any(low < frame < high for low, high in ranges)]
-        for frame in dropped:
-            self.drop_frame(frame)
-
     def clear(self) -> None:
-        self.drop_within([(-math.inf, math.inf)])
+        for frame in list(self._poses):
+            self.drop_frame(frame)
 
     def runs(self) -> list[tuple[int, int]]:
         """Returns (first, last) of each run of recorded frames, in order."""

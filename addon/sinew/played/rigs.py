@@ -11,12 +11,12 @@ import bpy
 import numpy as np
 
 from ..blender import dependencies, values
+from ..blender.values import is_alive
 from ..host import actions, evaluations, key_blocks, poses
 from . import followers, records, settings
 from .followers import Followers
 from .resting import Rest
 from .settings import Setting
-from .shapes import Shapes, is_alive
 
 DEFAULT_LIMIT = 2048  # megabytes for all records
 store: records.Store = records.Store(DEFAULT_LIMIT * records.MEGABYTE)
@@ -69,7 +69,7 @@ class Rig:
     layer: int = 0  # address of the view layer
     shown: float | None = None  # the frame whose pose was written last
     pose: Any = None  # that Moment
-    passing: tuple[float, Any] | None = None  # the last moment that is not recorded: (time, Moment)
+    computed: tuple[float, Any] | None = None  # what its program has computed last: (time, Moment)
     is_selected: bool = False  # it was, or something of it, at the last look
     watch: Any = None  # watch.Watch on what the record depends on; None: nothing is recorded
     keys: Any = None  # the keyframes that the record was made with, a keys.Keys
@@ -79,7 +79,6 @@ class Rig:
     tempo: tuple[int, int] = (0, 0)  # how the scene has mapped its frames to times
     restless: int = 0  # frames that will not be recorded if somebody edits it on this one again
     to_skip: int = 0  # frames that are not recorded now
-    shapes: Shapes = field(default_factory=lambda: Shapes(store))  # of its meshes
     skins: Any = None  # its onion skins (ghosts.Skins), if they are shown
     source: Source = field(default_factory=Source)
     last: Any = None  # what its last program was read from, see computing.py
@@ -123,25 +122,26 @@ class Rig:
 
     @property
     def is_recorded(self) -> bool:
-        """Whether moments are kept: of those that are only accelerated for their onion skins."""
-        return not self.needs_program or self.skins is not None
+        """Whether its poses are recorded while Blender evaluates it: not if they can be computed. Of those that are
+        wanted native, for their onion skins."""
+        return not self.source.is_proven and (not self.needs_program or self.skins is not None)
 
     def at(self, time: float) -> Any:
-        """Returns the Moment at that frame or between two, or None if it is neither recorded nor computed."""
-        return self.passing[1] if self.passing is not None and self.passing[0] == time else self.record.at(time)
+        """Returns the Moment at that frame or between two, or None if it is neither recorded nor was computed last."""
+        return self.computed[1] if self.computed is not None and self.computed[0] == time else self.record.at(time)
 
-    def keep(self, time: float, moment: Any) -> None:
-        """Keeps a Moment: in the record, or until there is another one if it is only accelerated or between frames."""
-        if not self.is_recorded or time != int(time):
-            self.passing = time, moment
-        else:
-            self.record.put(int(time), moment)
+    def origin(self, frame: int) -> Any:
+        """Returns an object that lives, and stays the same, as long as the pose of that frame does; None if the pose is
+        not known."""
+        if self.source.is_proven:
+            return self.source.program
+        moment = self.record.at(frame)
+        return None if moment is None else moment.pose
 
     def clear(self) -> None:
         """Drops all that is recorded."""
         self.record.clear()
-        self.shapes.clear()
-        self.watch, self.source, self.passing, self.difference, self.last = None, Source(), None, None, None
+        self.watch, self.source, self.computed, self.difference, self.last = None, Source(), None, None, None
         if self.skins is not None:
             self.skins.clear()
 
@@ -419,24 +419,6 @@ def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
     return results
 
 
-def shapes(character: Any, frame: int) -> list[tuple[Any, np.ndarray, np.ndarray]] | None:
-    """Returns the recorded shapes of what follows an armature on a frame: a list of (original mesh object, positions
-    (V, 3) float32 in its space, matrix (4, 4) float32 from there to world space). The positions are read-only, what
-    Sinew has written: of the mesh's own vertices, before the modifiers behind Sinew's; behind a front, of the vertices
-    that the front has made. Meshes whose shape is not known, because they were edited since, are left out. None if the
-    pose of that frame is not recorded.
-
-    character: an original armature object. Evaluates nothing."""
-    rig = get(character)
-    if rig is None or frame not in rig.record:
-        return None
-    return [
-        (mesh.ob, shape.native.positions, np.array(shape.place, np.float32))
-        for mesh in rig.shapes
-        if is_alive(mesh.ob) and (shape := mesh.record.at(frame)) is not None
-    ]
-
-
 def whole_frame(scene: Any) -> int | None:
     """Returns the scene's frame, or None on a sub-frame."""
     return scene.frame_current if scene.frame_subframe == 0 else None
@@ -487,11 +469,8 @@ def is_evaluated(block: Any, graph: Any) -> bool:
 
 
 def find_again() -> None:
-    """Finds all armatures again after an undo step, which may have replaced them. The shapes of their meshes are
-    dropped."""
+    """Finds all armatures again after an undo step, which may have replaced them."""
     lost = {key: rig for key, rig in _rigs.items() if not is_alive(rig.ob)}
-    for rig in _rigs.values():
-        rig.shapes.clear()
     by_key = {}
     if lost and values.KEYS_OUTLIVE_UNDO:  # names need not: the step may have renamed it
         by_key = {values.key_of(ob): ob for ob in bpy.data.objects}

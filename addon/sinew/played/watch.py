@@ -14,9 +14,9 @@ from typing import Any
 import bpy
 
 from ..blender import animation, dependencies, values
+from ..blender.values import is_alive
 from ..host import copies, driver_bytes, evaluations, key_blocks, keyframes
 from .keys import keys_of
-from .shapes import is_alive
 
 _WITHOUT_COPY = (bpy.types.Curve, bpy.types.Key, bpy.types.Object)
 _expected: dict[int, set[int]] = {}  # by view layer: keys of data-blocks that this package has had copied

@@ -112,7 +112,7 @@ class Shortcut:
             (motions.pose_address_at(armature), layer.first_joint, layer.bones.joint_counts)
             for layer, armature in zip(own, armatures)
         ]
-        self._goes_through_keys, self._identity = copy.goes_through_keys(), chain.identity(ob)
+        self._goes_through_keys = copy.goes_through_keys()
         native = sinew_native.host.Shortcut(
             chain.deformer,
             watched.structs,
@@ -124,7 +124,6 @@ class Shortcut:
             watched_tree.key_source(key_block, keys.relative, keys.base) if has_keys else None,
             chain.rest_of_stages(),
             kept,
-            self._identity,
             watched.bones,
         )
         self._native = living.note(native)
@@ -163,12 +162,7 @@ class Shortcut:
             self._native.set_stage(number, stage)
         # Asking for the address makes Blender give the mesh its own array: see host/vector_arrays.py.
         out = 0 if self._goes_through_keys else self._mesh.attributes[nodes.POSITION_ATTRIBUTE].data[0].as_pointer()
-        keeper = self._copy.keeper
-        if keeper is None:
-            return self._native.deform(out)
-        has_run = self._native.deform(out, keeper.known, keeper.is_keeping)
-        keeper.found, keeper.identity = self._native.shape if has_run else None, self._identity
-        return has_run
+        return self._native.deform(out)
 
 
 def _is_plain(copy: Any, ob: Any) -> bool:

@@ -44,7 +44,6 @@ class GraphCopy:
         self.chain = Chain(own)
         self.fast_path = FastPath(own)
         self.unrestored: Any = None  # the original object, while anything that Sinew has set is to be restored
-        self.keeper: Any = None  # frame_shapes.Keeper, if somebody asks for its shapes
         self.written: np.ndarray | None = None  # (V, 3), the last shape in the keys, kept for the output Mesh
         self._animation: tuple[Any, ...] = ()  # as returned by animated.of_copies
         self.is_deforming = False  # Sinew deformed the mesh in the last evaluation; otherwise Blender did

@@ -179,8 +179,6 @@ def _compute(copy: GraphCopy, ob: Any, frame: Frame, start: float) -> None:
     copy.chain.deformer.deform(poses, out, key_values, rest, in_order, milliseconds[1:])
     status = copy.character.status
     status.note_success()
-    if copy.keeper is not None:
-        copy.keeper.note(copy.chain.identity(ob), poses, key_values, in_order, out)
     if copy.fast_path.learn(ob):
         status.timings.add(milliseconds)
     else:

@@ -6,7 +6,7 @@ import bpy
 from bpy.props import BoolProperty
 
 from ..feedback import notice
-from ..played import freezing, recording, rigs
+from ..played import followers, freezing, recording, rigs
 from .in_steps import InSteps
 from .panels import InSidebar
 
@@ -25,9 +25,8 @@ def can_change(context: bpy.types.Context) -> bool:
 
 
 class Record(InSteps, bpy.types.Operator):
-    """Record the poses of the selected characters on the preview range or the scene's range. Rigs that can be computed
-    are; for others the range is played once, without what is recorded already. Press Esc to stop; the recorded frames
-    are kept"""
+    """Record the poses of selected characters whose rigs Sinew cannot compute: the preview range or the scene's range
+    is played once, without what is recorded already. Press Esc to stop; the recorded frames are kept"""
 
     bl_idname = "object.sinew_record"
     bl_label = "Record"
@@ -49,10 +48,18 @@ class Record(InSteps, bpy.types.Operator):
     def finish(self, context, _value):
         own = [rigs.learn(each) for each in chosen(context)]
         lacking = [rig for rig in own if recording.missing(rig, context.scene)]
+        report_native(self, own)
         for rig in lacking:
             why = rig.reason or "there is no room in memory, see the preferences, or it has no keyframes"
             self.report({"WARNING"}, f"{rig.name} is not recorded on all frames: {why}")
         return {"FINISHED"} if len(lacking) < len(own) else {"CANCELLED"}
+
+
+def report_native(operator: Any, own: list[rigs.Rig]) -> None:
+    """Says for which of these rigs there is nothing to do."""
+    native = followers.listed([rig.name for rig in own if rig.source.is_proven])
+    if native:
+        operator.report({"INFO"}, f"{native}: native, so nothing has to be recorded")
 
 
 class Freezes(InSteps):
@@ -85,6 +92,7 @@ class Freezes(InSteps):
             return {"CANCELLED"}
         freezing.freeze(own, context.scene, context.view_layer)
         is_any = any(rig.is_frozen for rig in own)
+        report_native(self, own)
         for rig in own:
             if rig.reason:
                 self.report({"WARNING" if is_any else "ERROR"}, rig.reason)
@@ -93,9 +101,8 @@ class Freezes(InSteps):
 
 
 class Freeze(Freezes, bpy.types.Operator):
-    """Have Blender no longer evaluate the armatures of the selected characters. Their poses are computed, also while
-    you pose them; those of rigs that cannot be computed are played from memory, until they are selected or edited:
-    frames that are not recorded are played once first"""
+    """Play selected characters whose rigs Sinew cannot compute from memory, so that Blender does not evaluate them,
+    until they are selected or edited. Frames that are not recorded are played once first"""
 
     bl_idname = "object.sinew_freeze"
     bl_label = "Freeze"
@@ -141,7 +148,6 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.operator(FreezeOthers.bl_idname, text="All But This")
     row.operator(Thaw.bl_idname, icon="LIGHT_SUN")
     layout.operator(Record.bl_idname, icon="REC")
-    layout.prop(context.scene, "sinew_freezes_others")
     for rig in rigs.known():
         draw_rig(layout, context, rig)
     if rigs.known():
@@ -160,8 +166,8 @@ def draw_rig(layout: bpy.types.UILayout, context: bpy.types.Context, rig: Any) -
 
 def frames_text(rig: Any) -> str:
     """Returns which frames of a character are recorded, as text."""
-    if rig.is_idle and rig.is_posable:
-        return "computed"
+    if rig.source.is_proven:
+        return "native" if rig.is_idle else "Blender's"
     runs = [f"{first}" if first == last else f"{first} to {last}" for first, last in rig.record.runs()]
     more = f" and {len(runs) - MOST_RUNS} more" if len(runs) > MOST_RUNS else ""
     return ", ".join(runs[:MOST_RUNS]) + more or "not recorded"
@@ -199,11 +205,6 @@ CLASSES = (Record, Freeze, FreezeOthers, Thaw, SidebarFrozen)
 def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
-    bpy.types.Scene.sinew_freezes_others = BoolProperty(
-        name="Freeze What Is Not Selected",
-        description="Freeze each recorded character as soon as it is no longer selected. Characters are recorded while "
-        "they play. Those whose rigs can be computed need no recording, and stay frozen while they are selected",
-    )
     bpy.types.Scene.sinew_accelerates_rigs = BoolProperty(
         name="Accelerate Rigs",
         description="Compute the bones of accelerated characters natively, with the same result, if possible",
@@ -214,6 +215,5 @@ def register() -> None:
 
 def unregister() -> None:
     del bpy.types.Scene.sinew_accelerates_rigs
-    del bpy.types.Scene.sinew_freezes_others
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -184,7 +184,6 @@ void bind_described(py::module_& host);
 void bind_struct_values(py::module_& host);
 void bind_pose_record(py::module_& host);
 void bind_stored_curves(py::module_& host);
-void bind_frame_shape(py::module_& host);
 void bind_shortcut(py::module_& host);
 
 void bind_host(py::module_& parent) {
@@ -237,7 +236,6 @@ void bind_host(py::module_& parent) {
   bind_struct_values(module);
   bind_pose_record(module);
   bind_stored_curves(module);
-  bind_frame_shape(module);
   bind_shortcut(module);
 }
 

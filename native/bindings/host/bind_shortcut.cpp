@@ -8,7 +8,6 @@
 #include <optional>
 
 #include "arrays.h"
-#include "host/frame_shape.h"
 #include "host/memory.h"
 #include "host/watched.h"
 #include "sinew/deformer.h"
@@ -161,8 +160,7 @@ class Shortcut {
            const std::array<std::ptrdiff_t, 6>& layout, std::vector<Places> places,
            const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>& switches, const py::sequence& stages,
            const std::optional<GivenKeys>& keys, const std::optional<py::array>& rest_positions,
-           const std::vector<std::pair<Address, std::int32_t>>& kept, std::uint64_t identity,
-           std::vector<Address> bones)
+           const std::vector<std::pair<Address, std::int32_t>>& kept, std::vector<Address> bones)
       : owner_(std::move(deformer)),
         deformer_(owner_.cast<const Deformer&>()),
         watched_(watched_of(watched)),
@@ -172,7 +170,6 @@ class Shortcut {
         stage_owners_(py::list(stages)),
         stages_(stages_of(stage_owners_)),
         rest_owner_(rest_positions),
-        identity_(identity),
         milliseconds_(deformer_.step_count(stages_.size()) + 1, 0.0) {
     const std::vector<const Layer*> layers = all_layers();
     if (poses.size() != layers.size() || places_.size() != layers.size()) {
@@ -230,9 +227,7 @@ class Shortcut {
 
   /// Returns false if the full code must compute this frame.
   /// out: address of R x 3 floats; 0: the first key's points.
-  /// known: a shape to take if it was computed from the same as this frame's would be; may be null.
-  /// keep: whether to keep this frame's shape.
-  bool deform(Address out, std::shared_ptr<const FrameShape> known, bool keep) {
+  bool deform(Address out) {
     // Other Python threads keep running, but waiting for them again takes longer than a small mesh does.
     std::optional<py::gil_scoped_release> release;
     if (!is_quick()) release.emplace();
@@ -255,18 +250,8 @@ class Shortcut {
     }
     const auto count = static_cast<std::size_t>(3 * deformer_.result_count());
     milliseconds_[0] = watch.milliseconds();
-    std::optional<Digest> digest;
-    if (known || keep) digest = digest_of(identity_, poses_, keys_.values, stages_);
-    if (known && known->digest == digest && known->count == count) {
-      std::memcpy(positions, known->positions.get(), count * sizeof(float));
-      std::fill(milliseconds_.begin() + 1, milliseconds_.end(), 0.0);
-      shape_ = std::move(known);
-    } else {
-      const std::span<const LayerPose> own(poses_.data(), deformer_.layers().size());
-      deformer_.deform(own, {positions, count}, keys_.values, rest_, stages_, std::span(milliseconds_).subspan(1));
-      shape_ =
-          keep && digest ? std::make_shared<FrameShape>(*digest, std::span<const float>(positions, count)) : nullptr;
-    }
+    const std::span<const LayerPose> own(poses_.data(), deformer_.layers().size());
+    deformer_.deform(own, {positions, count}, keys_.values, rest_, stages_, std::span(milliseconds_).subspan(1));
     for (const Switch& each : switches_) {
       write(each.address, (read<std::int32_t>(each.address) & ~each.clear) | each.set);
     }
@@ -288,9 +273,6 @@ class Shortcut {
   }
 
   const std::vector<double>& milliseconds() const { return milliseconds_; }
-
-  /// The shape that the last frame has taken or kept, or null.
-  const std::shared_ptr<const FrameShape>& shape() const { return shape_; }
 
  private:
   class Watch {
@@ -397,8 +379,6 @@ class Shortcut {
   std::vector<Stage> stages_;
   std::optional<py::array> rest_owner_;
   std::span<const float> rest_;
-  std::uint64_t identity_;
-  std::shared_ptr<const FrameShape> shape_;
   KeySource keys_;
   std::vector<PoseSource> sources_;
   std::vector<Switch> switches_;
@@ -419,11 +399,11 @@ void bind_shortcut(py::module_& host) {
                    const std::array<std::ptrdiff_t, 6>&, std::vector<Places>,
                    const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>&, const py::sequence&,
                    const std::optional<GivenKeys>&, const std::optional<py::array>&,
-                   const std::vector<std::pair<Address, std::int32_t>>&, std::uint64_t, std::vector<Address>>(),
+                   const std::vector<std::pair<Address, std::int32_t>>&, std::vector<Address>>(),
           py::arg("deformer"), py::arg("watched"), py::arg("poses"), py::arg("layout"), py::arg("places"),
           py::arg("switches"), py::arg("stages") = py::tuple(), py::arg("keys") = py::none(),
           py::arg("rest_positions") = py::none(), py::arg("kept") = std::vector<std::pair<Address, std::int32_t>>(),
-          py::arg("identity") = 0, py::arg("bones") = std::vector<Address>(),
+          py::arg("bones") = std::vector<Address>(),
           "deformer: a Deformer.\n"
           "watched: memory that must stay as it is now for the shortcut to hold: for each struct (address, parent, "
           "voucher, [(offset, size) of each region, in bytes]). A struct is read only after region `voucher` of the "
@@ -445,7 +425,6 @@ void bind_shortcut(py::module_& host) {
           "rest_positions: (V, 3) float32, as in Deformer.deform, or None.\n"
           "kept: (address of an int32, bits of it that must stay as they are now for the shortcut to hold). Read only "
           "while the watched memory is unchanged.\n"
-          "identity: as in shape_of.\n"
           "bones: addresses of bytes that keep their values while the armatures' bones are as they are now.\n"
           "Raises ValueError for sizes that do not fit, and for a watched struct that its parent does not lead to.")
       .def("holds", &Shortcut::holds, "Whether the watched memory and the kept bits are unchanged.")
@@ -456,12 +435,9 @@ void bind_shortcut(py::module_& host) {
            "number: which of the stages.\n"
            "stage: a sinew_native.Stage of the same kind, which is not of layers.\n"
            "Raises ValueError for another one, and if there is no such stage.")
-      .def("deform", &Shortcut::deform, py::arg("out") = 0, py::arg("known") = py::none(), py::arg("keep") = false,
+      .def("deform", &Shortcut::deform, py::arg("out") = 0,
            "Reads poses, places and values of keys, deforms, and sets the switches.\n\n"
            "out: address of R x 3 float32, C-contiguous, for the shape; 0: into the first key's points.\n"
-           "known: a FrameShape or None. If it was computed from the same as this frame's would be, it is copied and "
-           "nothing is computed.\n"
-           "keep: whether to copy the shape, if it had to be computed.\n"
            "Returns False, and does nothing, if it does not hold, if the first key has another number of points, "
            "if an object's scale is 0 along an axis, or if is_any_flat for a layer of dual quaternions.\n"
            "Raises ValueError, without changing the switches, if a pose has different bones or "
@@ -469,8 +445,6 @@ void bind_shortcut(py::module_& host) {
       .def("restore", &Shortcut::restore,
            "After the evaluation, clears the bits of the switches, and restores the keys.\n\n"
            "Returns False, and does nothing, if it does not hold, or if the first key has another number of points.")
-      .def_property_readonly("shape", &Shortcut::shape,
-                             "The FrameShape that the last frame has copied or kept; None if there is none.")
       .def_property_readonly(
           "milliseconds", [](py::object self) { return view_list(self.cast<const Shortcut&>().milliseconds(), self); },
           "(S + 2,) float64, read-only, times in the last frame: reading the pose, keys and layers, each stage; with "
