@@ -853,7 +853,6 @@ def test_the_readmes_example_runs(sinew, fresh_scene, tmp_path, monkeypatch):
         hand = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).pose.bones["DEF-hand.L"]
         assert names["hand"][frame - 1].tolist() == list(hand.matrix.translation)
     assert np.ptp(names["shapes"], axis=0).max() > 0.1
-    assert np.median(np.ptp(names["random_shapes"], axis=0)) > 0.1  # most vertices follow the torso
 
 
 def human_with_body():

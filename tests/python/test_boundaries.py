@@ -146,6 +146,17 @@ def test_every_folder_has_a_layer():
     assert len(headers_and_sources()) > 20
 
 
+def test_the_manual_has_the_layers():
+    page = (ROOT / "docs/how-it-works.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d+) \| `(\w+)` \|", page, re.MULTILINE)
+    files = {"native", "without_native", "__init__"}
+    assert rows and {(int(number), room) for number, room in rows} == {
+        (i, room) for i, layer in enumerate(LAYERS) for room in layer - files
+    }
+    levels = re.search(r"lowest first: (.+?)\. Folders at", page, re.DOTALL)[1].split(";")
+    assert [set(re.findall(r"`(\w+)`", level)) for level in levels] == list(NATIVE_LAYERS)
+
+
 def test_all_of_deform_is_logic():
     assert {name for name in NAMES if name.startswith("deform.")} - {"deform.__init__"} <= PURE
 

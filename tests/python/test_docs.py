@@ -49,17 +49,6 @@ def python_of(page):
     return re.findall(r"^```python\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
-def test_the_readmes_example_runs(monkeypatch):
-    monkeypatch.chdir(ROOT)
-    examples = [block for block in python_of(ROOT / "README.md") if "bpy" not in block and "human.json" not in block]
-    assert examples
-    names = {}
-    exec(compile("".join(examples), "README.md", "exec"), names)
-    skin, positions = names["skin"], names["positions"]
-    assert positions.shape == (skin.vertex_count, 3) and positions.dtype == np.float32
-    assert np.abs(positions - skin.rest_positions).max() > 0.01
-
-
 def test_the_example_of_a_rig_runs():
     (example,) = python_of(DOCS / "rigs.md")
     exec(compile(example, "rigs.md", "exec"), {})
@@ -160,10 +149,15 @@ def builds():
         )
 
 
-@pytest.mark.parametrize("page", [ROOT / "README.md", DOCS / "install.md"], ids=lambda page: page.name)
-def test_the_table_of_versions_is_what_is_tested(page):
-    rows = re.findall(r"^\| (\d\.\d)(?: LTS)? \| (.+?), \1\.\d+ \|", page.read_text(encoding="utf-8"), re.MULTILINE)
+def test_the_table_of_versions_is_what_is_tested():
+    page = (DOCS / "install.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d\.\d)(?: LTS)? \| (.+?), \1\.\d+ \|", page, re.MULTILINE)
     assert rows == list(builds())
+
+
+def test_the_readme_is_one_page():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 110 and len(text.split()) <= 900
 
 
 def test_the_changelog_begins_with_this_version():
