@@ -70,6 +70,36 @@ def test_the_tables_of_rigs_are_up_to_date(tmp_path):
     assert "run docs/make_rig_tables.py" in maker.check(sinew)
 
 
+def test_each_measured_number_is_what_its_table_says():
+    maker = generator("make_quotes")
+    assert maker.check() is None
+    quotes = sum(len(maker.QUOTE.findall(page.read_text(encoding="utf-8"))) for page in maker.pages())
+    assert quotes >= 10
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("takes <!--a: x; 5.2; frame-->3<!--/--> ms", "run docs/make_quotes.py"),
+        ("<!--a: x; 5.2; frame-->2.50<!--/--> ms", "a quote at the beginning of a line"),
+        ("takes <!--a: y; frame-->3<!--/--> ms", "a.md has 0 rows with y and a column frame; expected one"),
+        ("takes <!--a: x; frame-->3<!--/--> ms", "a.md has 2 rows with x and a column frame; expected one"),
+    ],
+)
+def test_a_wrong_quote_is_noticed(tmp_path, text, message):
+    maker = generator("make_quotes")
+    table = "| rig | Blender | frame |\n|---|---|---|\n| x | 5.2 | **2.50** (3x) |\n| x | 4.3 | 2.60 (4x) |\n"
+    (tmp_path / "a.md").write_text(table)
+    (tmp_path / "b.md").write_text(text)
+    maker.DOCS, maker.pages = tmp_path, lambda: [tmp_path / "b.md"]
+    try:
+        found = maker.check()
+    except ValueError as error:
+        found = str(error)
+    assert message in found
+    assert maker.number("a", "x; 5.2; frame") == "2.50" and maker.number("a", "x; 4.3; frame ()") == "4x"
+
+
 def test_the_example_runs(monkeypatch):
     monkeypatch.chdir(ROOT)
     examples = [block for block in python_of(API) if "= sinew." in block and "sinew_native as sinew  #" not in block]
