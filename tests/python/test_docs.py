@@ -156,8 +156,8 @@ def test_links_of_the_manual_lead_nowhere_else():
 
 def test_links_are_found():
     assert {"how-it-works.md", "#settings"} <= set(links(API))
-    assert {"frame.svg", "rooms.svg"} <= set(links(DOCS / "how-it-works.md"))
-    assert {"the-two-outputs", "a-frame"} <= anchors(DOCS / "how-it-works.md")
+    assert "rooms.svg" in links(DOCS / "how-it-works.md") and "frame.svg" in links(DOCS / "a-frame.md")
+    assert {"the-two-outputs", "layers"} <= anchors(DOCS / "how-it-works.md")
 
 
 def test_the_picture_of_the_folders_has_all_of_them():
