@@ -119,7 +119,6 @@ def test_matched_vertices_have_the_weights_of_the_closest_point():
     expected, distances = closest(body, [vertex.co for vertex in suit.data.vertices])
     assert distances.max() < 0.05 * diagonal_of(suit)
     assert np.abs(dense(suit) - expected).max() < 1e-4
-    assert len(suit.modifiers) == 0 and suit.parent is None
 
 
 def test_what_is_too_far_is_filled_in():
@@ -277,13 +276,29 @@ def test_the_preview_selects_the_matched_and_changes_nothing():
     assert entries(suit) == before and not len(suit.modifiers)
 
 
-def test_a_modifier_is_added_when_told():
+def test_what_nothing_deforms_gets_a_modifier():
+    """Unless it is told not to: then the report says that nothing follows."""
     body, armature = make_body()
-    suit, other = suit_of(body), suit_of(body, 1.1, "Coat")
+    suit, other, child = suit_of(body), suit_of(body, 1.1, "Coat"), suit_of(body, 1.2, "Belt")
     other.modifiers.new("Own", "ARMATURE").object = armature
-    transfer(body, suit, other, add_modifier=True)
-    assert suit.parent == armature and [modifier.object for modifier in suit.modifiers] == [armature]
+    child.parent = armature
+    transferring = addon_module("weights.transferring")
+    made = transferring.Transfer([body], [suit, other, child], add_modifier=False)
+    made.compute()
+    assert made.write().sentence().endswith("; Suit, Belt: no Armature modifier, so nothing follows the bones")
+    assert not len(suit.modifiers) and not len(child.modifiers)
+    transfer(body, suit, other, child)
+    for ob in (suit, child):
+        assert ob.parent == armature and [modifier.object for modifier in ob.modifiers] == [armature]
     assert other.parent is None and [modifier.name for modifier in other.modifiers] == ["Own"]
+
+
+def test_what_hangs_on_a_bone_stays_there():
+    body, armature = make_body()
+    suit = suit_of(body)
+    suit.parent, suit.parent_type, suit.parent_bone = armature, "BONE", "bone1"
+    transfer(body, suit)
+    assert suit.parent_type == "BONE" and not len(suit.modifiers)
 
 
 def test_undo_gives_back_every_bit():

@@ -56,7 +56,7 @@ class TransferWeights(InBackground, bpy.types.Operator):
     add_modifier: BoolProperty(
         name="Add Armature Modifier",
         description="Parent targets that belong to no armature to that of the source, with an Armature modifier",
-        default=False,
+        default=True,
     )
     preview: BoolProperty(
         name="Preview",

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import bounds
+from ..blender import armatures, bounds
 from ..deform import influences
 from ..native import sinew_native
 from ..plan import bindable
@@ -43,6 +43,8 @@ class Report:
 
     sources: tuple[str, ...]
     fits: tuple[Fit, ...]
+    parented: tuple[str, ...] = ()  # names of targets that have got an Armature modifier
+    unfollowing: tuple[str, ...] = ()  # names of targets that have none
 
     @property
     def unweighted(self) -> int:
@@ -60,12 +62,19 @@ class Report:
             text += f", {reports.counted(islands, 'island')} {'follows its' if islands == 1 else 'follow their'} "
             text += "nearest point"
         text += f", {self.unweighted:,} without weights" if self.unweighted else ""
-        return text + (f", {reports.counted(kept, 'locked group')} kept" if kept else "")
+        text += f", {reports.counted(kept, 'locked group')} kept" if kept else ""
+        if self.parented:
+            text += f"; {', '.join(self.parented)}: Armature modifier added"
+        if self.unfollowing:
+            text += f"; {', '.join(self.unfollowing)}: no Armature modifier, so nothing follows the bones"
+        return text
 
     def document(self) -> dict[str, Any]:
         """Returns the report for JSON."""
         return {
             "sources": list(self.sources),
+            "parented": list(self.parented),
+            "without_modifier": list(self.unfollowing),
             "objects": [
                 {**reports.document(fit, kept="locked_groups_kept"), "filled": fit.vertices - fit.matched}
                 for fit in self.fits
@@ -84,22 +93,22 @@ class Transfer:
         settings: Settings = Settings(),
         add_modifier: bool = False,
     ) -> None:
-        """Reads everything. add_modifier: whether targets that no armature deforms become children of the first
-        source's armature, with an Armature modifier. Raises ValueError."""
+        """Reads everything. add_modifier: whether targets that nothing deforms get an Armature modifier, and become
+        children of its armature: their own parent, else the first source's. Raises ValueError."""
         refuse(sources, targets)
         self.sources, self.targets, self._settings = list(sources), list(targets), settings
-        armatures = dict.fromkeys(map(table.armature_of, self.sources))
-        self.armature = next(iter(armatures))
-        bones = tuple(dict.fromkeys(name for each in armatures for name in table.deforming(each)))
+        of_sources = dict.fromkeys(map(table.armature_of, self.sources))
+        self.armature = next(iter(of_sources))
+        bones = tuple(dict.fromkeys(name for each in of_sources for name in table.deforming(each)))
         own_names = [table.used_names(ob, bones) for ob in self.sources]
         for ob, names in zip(self.sources, own_names):
             if not names:
                 raise ValueError(f"no vertex of {ob.name} has weight in a deforming bone: make its weights first")
         self._source_names = tuple(name for name in bones if any(name in names for names in own_names))
-        self._refuse_other_bones(armatures)
-        self._without_modifier = [ob for ob in self.targets if add_modifier and bindable.find_armature(ob) is None]
-        for ob in self._without_modifier:
-            why = parenting.why_not(ob, self.armature)
+        self._refuse_other_bones(of_sources)
+        self._add_modifier = add_modifier
+        for ob in self._to_parent():
+            why = parenting.why_not(ob, self._armature_for(ob))
             if why:
                 raise ValueError(f"{ob.name} {why}")
         self._from = solid.collect(self.sources)
@@ -118,11 +127,18 @@ class Transfer:
         self._made: list[tuple[Any, np.ndarray]] = []  # what `held` returns, for each target
         self.matched: list[np.ndarray] = []  # (V,) bool for each target
 
-    def _refuse_other_bones(self, armatures: Any) -> None:
-        """Raises ValueError if a target's own armatures lack bones of the source."""
+    def _to_parent(self) -> list[bpy.types.Object]:
+        """Returns the targets that get an Armature modifier: not those that hang on a bone, which would move twice."""
+        return [ob for ob in self.targets if self._add_modifier and ob.parent_type == "OBJECT" and not _is_deformed(ob)]
+
+    def _armature_for(self, ob: bpy.types.Object) -> bpy.types.Object:
+        return bindable.find_armature(ob) or self.armature
+
+    def _refuse_other_bones(self, of_sources: Any) -> None:
+        """Raises ValueError if a target's own armatures lack bones of the source. of_sources: armatures, a dict."""
         for ob in self.targets:
             own = bindable.armatures_of(ob)
-            if not own or not armatures.keys().isdisjoint(own):
+            if not own or not of_sources.keys().isdisjoint(own):
                 continue
             there = {name for each in own for name in table.deforming(each)}
             missing = [name for name in self._source_names if name not in there]
@@ -186,10 +202,15 @@ class Transfer:
         report = self.report()
         for ob, own, made in zip(self.targets, self._tables, self._made):
             table.write(ob, own, *made)
-        for ob in self._without_modifier:
-            parenting.parent(ob, self.armature)
+        to_parent = self._to_parent()
+        for ob in to_parent:
+            parenting.parent(ob, self._armature_for(ob))
         reports.forget()  # it is about the weights of before
-        return report
+        return dataclasses.replace(
+            report,
+            parented=tuple(ob.name for ob in to_parent),
+            unfollowing=tuple(ob.name for ob in self.targets if not _is_deformed(ob)),
+        )
 
 
 def refuse(sources: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> None:
@@ -205,6 +226,11 @@ def refuse(sources: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Obje
         if ob in sources:
             raise ValueError(f"{ob.name} is both where weights come from and where they go: choose another mesh")
         table.refuse(ob)
+
+
+def _is_deformed(ob: bpy.types.Object) -> bool:
+    """Whether an armature deforms a mesh object."""
+    return ob.sinew.is_bound or ob.parent_type == "ARMATURE" or bool(armatures.of_modifiers(ob))
 
 
 def _names(objects):
