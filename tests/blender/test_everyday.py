@@ -258,13 +258,22 @@ def test_locked_groups_are_not_normalized(character):
 
 
 def test_files_of_the_importer_can_be_chosen_from_a_list():
-    search = addon_module("ui.rig_files").files_beside(".dmat")["search"]
-    chosen = SimpleNamespace(directory="", filepath=str(RIGS["ogre"]))
-    assert search(chosen, SimpleNamespace(space_data=None), "") == ["pose.dmat", "walk.dmat", "weights.dmat"]
+    """Not those that are something else."""
+    rig_files = addon_module("ui.rig_files")
+    of_weights = rig_files.files_beside(".dmat", "pose.dmat", "anim.dmat")["search"]
+    of_poses = rig_files.files_beside(".dmat", "weights.dmat", "anim.dmat")["search"]
+    chosen = SimpleNamespace(directory="", filepath=str(RIGS["ogre"]), mesh="", weights="", pose="")
+    nobody = SimpleNamespace(space_data=None)
+    assert of_poses(chosen, nobody, "") == ["pose.dmat", "walk.dmat"]
+    assert of_weights(chosen, nobody, "") == ["walk.dmat", "weights.dmat"]
+    chosen.weights = "walk.dmat"
+    assert of_poses(chosen, nobody, "") == ["pose.dmat"]
+    assert of_weights(chosen, nobody, "walk.dmat") == ["walk.dmat"]
+    chosen.weights = ""
     browser = SimpleNamespace(params=SimpleNamespace(directory=str(RIGS["capsule"].parent).encode()))
-    assert search(chosen, SimpleNamespace(space_data=browser), "WA") == ["walk.dmat"]
-    nowhere = SimpleNamespace(directory="/nowhere/", filepath="")
-    assert search(nowhere, SimpleNamespace(space_data=None), "") == []
+    assert of_poses(chosen, SimpleNamespace(space_data=browser), "WA") == ["walk.dmat"]
+    chosen.directory, chosen.filepath = "/nowhere/", ""
+    assert of_poses(chosen, nobody, "") == []
 
 
 @pytest.mark.says_errors

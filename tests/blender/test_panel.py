@@ -135,9 +135,9 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
     pose(armature, 1, False)
     display = ["object.sinew_show_weights", "object.sinew_show_skeleton"]
     select(ob)
-    assert draw(mesh_panel) == ["Armature deforms it", "Accelerate", *display]
+    assert draw(mesh_panel) == ["Armature deforms it", "object.sinew_bind", *display]
     select(armature)
-    assert draw(armature_panel) == ["0 of 1 meshes bound", "Accelerate", display[1]]
+    assert draw(armature_panel) == ["0 of 1 meshes bound", "object.sinew_bind", display[1]]
     accelerate(ob)
     fresh_scene.frame_set(2)
     said = draw(mesh_panel)
@@ -175,7 +175,7 @@ def test_weights(fresh_scene):
     bpy.ops.object.sinew_check_weights(most_influences=2)
     select(armature)
     said = draw("SidebarWeights", ())
-    assert said[:2] == buttons and "Weights not summing to 1: " in said[3] and said[4] == "Select"
+    assert said[:2] == buttons and said[3].endswith(" not summing to 1") and said[3][0].isdigit()
     select(armature, ob)
     bpy.ops.object.sinew_parent_with_weights()
     assert draw("SidebarWeights", ())[2].startswith("1,200 vertices in 1 part, none without weights")
@@ -192,7 +192,7 @@ def test_mesh_without_an_armature(fresh_scene):
     select(ob)
     assert draw() == ["Not bound", "object.sinew_bind", "object.sinew_show_weights"]
     smoothed(ob, "Smooth", "SMOOTH")
-    assert draw() == ["Deformed without an armature", "Accelerate", "object.sinew_show_weights"]
+    assert draw() == ["Deformed without an armature", "object.sinew_bind", "object.sinew_show_weights"]
     accelerate(ob)
     fresh_scene.frame_set(2)
     said = draw()

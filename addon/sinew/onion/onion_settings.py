@@ -53,15 +53,14 @@ class SinewOnionSettings(bpy.types.PropertyGroup):
 
 
 def draw(layout: bpy.types.UILayout, settings: Any) -> None:
-    """Draws the settings."""
-    row = layout.row(align=True)
-    row.prop(settings, "before")
-    row.prop(settings, "after")
-    row.prop(settings, "step")
-    row = layout.row(align=True)
-    row.prop(settings, "color_before", text="")
-    row.prop(settings, "color_after", text="")
-    row.prop(settings, "opacity")
-    row = layout.row(align=True)
-    row.prop(settings, "shows_paths")
-    row.prop(settings, "path_frames")
+    """Draws the settings, one below the other."""
+    layout.use_property_split = True
+    layout.use_property_decorate = False
+    for names in (
+        ("before", "after", "step"),
+        ("color_before", "color_after", "opacity"),
+        ("shows_paths", "path_frames"),
+    ):
+        column = layout.column(align=True)
+        for name in names:
+            column.prop(settings, name)

@@ -40,7 +40,7 @@ class Bind(bpy.types.Operator):
     that Blender is faster are left to it"""
 
     bl_idname = "object.sinew_bind"
-    bl_label = "Bind with Sinew"
+    bl_label = "Accelerate"
     bl_options = {"REGISTER", "UNDO"}
 
     output: EnumProperty(name="Output", items=properties.OUTPUT_ITEMS, description="Where the deformed positions go")

@@ -83,7 +83,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
         update=_apply,
     )
     frozen_memory: IntProperty(
-        name="Memory of Frozen Characters",
+        name="Memory for Records (MB)",
         description="The largest number of megabytes for recorded poses and shapes. The oldest are dropped first",
         min=16,
         max=2**20,
@@ -106,7 +106,9 @@ class SinewPreferences(bpy.types.AddonPreferences):
         column.prop(self, "instruction_set")
         column.prop(self, "frozen_memory")
         column.prop(self, "log_file")
-        onion_settings.draw(layout.column(heading="Onion Skins"), self.onion)
+        column.separator()
+        column.label(text="Onion Skins and Motion Paths")
+        onion_settings.draw(column, self.onion)
         row = layout.row(align=True)
         row.label(text=f"{sinew_native.instruction_set()}, {sinew_native.thread_count()} threads at work", icon="INFO")
         row.operator(OpenManual.bl_idname, icon="HELP")

@@ -12,19 +12,30 @@ from ..main import properties
 from ..plan import bindable
 from ..rig_files import rig_export, rig_import
 
+MESH, WEIGHTS, POSE, ANIMATION = "mesh.obj", "weights.dmat", "pose.dmat", "anim.dmat"  # the usual names
 
-def files_beside(*suffixes: str) -> dict[str, Any]:
-    """Returns the search options of a StringProperty of ImportRig: it suggests files of the chosen folder."""
+
+def files_beside(suffix: str, *others: str) -> dict[str, Any]:
+    """Returns the search options of a StringProperty of ImportRig: it suggests files of the chosen folder, except those
+    with the usual names of something else (others), or that another property names."""
 
     def search(operator, context, edit_text):
         folder = operator.directory or os.path.dirname(operator.filepath)
         params = getattr(context.space_data, "params", None)  # of the file browser
         if params is not None:
             folder = os.fsdecode(params.directory)
+        named = {operator.mesh, operator.weights, operator.pose} - {edit_text}
         names = os.listdir(folder) if os.path.isdir(folder) else []
-        return sorted(name for name in names if name.endswith(suffixes) and edit_text.lower() in name.lower())
+        return sorted(
+            name
+            for name in names
+            if name.endswith(suffix) and edit_text.lower() in name.lower() and name not in {*others, *named}
+        )
 
     return {"search": search, "search_options": {"SUGGESTION"}}
+
+
+WHEN_EMPTY = {"placeholder": "automatic"} if bpy.app.version >= (4, 1, 0) else {}  # what an empty field says
 
 
 class ImportRig(bpy.types.Operator, ImportHelper):
@@ -39,16 +50,18 @@ class ImportRig(bpy.types.Operator, ImportHelper):
     directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
     files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     mesh: StringProperty(
-        name="Mesh", description="File of the mesh, beside the skeleton; empty: mesh.obj", **files_beside(".obj")
+        name="Mesh", description=f"File of the mesh, beside the skeleton; empty: {MESH}", **files_beside(".obj")
     )
     weights: StringProperty(
         name="Weights",
         description="File of the weights; empty: weights.dmat, and if there is none, weights made from the bones; "
         "auto: made from the bones in any case",
-        **files_beside(".dmat"),
+        **files_beside(".dmat", POSE, ANIMATION),
     )
     pose: StringProperty(
-        name="Poses", description="File of the poses; empty: pose.dmat, if there is one", **files_beside(".dmat")
+        name="Poses",
+        description="File of the poses; empty: pose.dmat, if there is one",
+        **files_beside(".dmat", WEIGHTS, ANIMATION),
     )
     convention: EnumProperty(
         name="Convention",
@@ -105,7 +118,7 @@ class ImportRig(bpy.types.Operator, ImportHelper):
             box = self.layout.box().column()
             box.label(text=label)
             for name in names:
-                box.prop(self, name)
+                box.prop(self, name, **(WHEN_EMPTY if label == "Files" else {}))
 
     def import_options(self) -> rig_import.ImportOptions:
         convention = None if self.convention == "AUTO" else self.convention.lower()

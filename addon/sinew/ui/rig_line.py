@@ -20,8 +20,10 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) 
     column = layout.column(align=True)
     column.prop(context.scene, "sinew_accelerates_rigs")
     text, reason = text_of(armature) if context.scene.sinew_accelerates_rigs else ("", "")
-    for line, icon in zip(text.splitlines(), ("ARMATURE_DATA", "BLANK1")):
-        column.label(text=line, icon=icon)
+    if rigs.get(armature) is not None:  # always two lines, so that nothing moves below while somebody poses
+        first, second = (text.splitlines() + ["", ""])[:2]
+        column.label(text=first, icon="ARMATURE_DATA" if first else "BLANK1")
+        column.label(text=second, icon="BLANK1")
     if reason:
         notice.draw_sentence(column, context, reason, False)
     if getattr(rigs.get(armature), "difference", None) is not None:

@@ -87,7 +87,7 @@ def draw_free(layout: bpy.types.UILayout, context: bpy.types.Context, ob: bpy.ty
             layout.label(text=f"{modifier.name} deforms it", icon="MOD_ARMATURE")
         else:
             layout.label(text="Deformed without an armature", icon="MOD_SMOOTH")
-        layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
+        layout.operator(Bind.bl_idname, icon="LINKED")
         for warning in advice.about_generated(ob):
             draw_warning(layout, context, warning)
     draw_display(layout, ob)
@@ -103,7 +103,7 @@ def draw_armature(layout: bpy.types.UILayout, context: bpy.types.Context, armatu
     else:
         layout.label(text="No mesh uses this armature", icon="INFO")
     if bound < len(meshes):
-        layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
+        layout.operator(Bind.bl_idname, icon="LINKED")
     if bound:
         column = layout.column()
         for ob in [ob for ob in meshes if ob.sinew.is_bound][:MOST_MESHES]:

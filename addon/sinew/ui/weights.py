@@ -25,6 +25,9 @@ ENDS = (
 )
 
 
+SELECT = "RESTRICT_SELECT_OFF"  # an icon
+
+
 class WeightSettings:
     """The properties of the operators that make weights."""
 
@@ -375,21 +378,21 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     notice.draw_sentence(box, context, report.sentence(), bool(report.unweighted))
     for problem, text, count in report.problems():
         row = box.row()
-        row.label(text=f"{text}: {count:,}")
-        button = row.operator(SelectWeightProblem.bl_idname, text="Select")
+        row.label(text=f"{count:,} {text}")
+        button = row.operator(SelectWeightProblem.bl_idname, text="", icon=SELECT)
         button.problem, button.most_influences = problem, report.most_influences
         if problem == checks.STRETCHED:
             button.angle = math.radians(report.degrees)
             for text in report.worst_poses(3):
                 box.label(text=text, icon="BONE_DATA")
     for which, text, names in (
-        ("OUTSIDE", "Bones outside the mesh", getattr(report, "bones_outside", ())),
-        ("UNUSED", "Bones without vertices", report.bones_without_vertices),
+        ("OUTSIDE", "outside the mesh", getattr(report, "bones_outside", ())),
+        ("UNUSED", "without vertices", report.bones_without_vertices),
     ):
         if names:
             row = box.row()
-            row.label(text=f"{text}: {len(names):,}")
-            row.operator(SelectReportedBones.bl_idname, text="Select").which = which
+            row.label(text=f"{reports.counted(len(names), 'bone')} {text}")
+            row.operator(SelectReportedBones.bl_idname, text="", icon=SELECT).which = which
 
 
 def draw_parent(menu: Any, _context: bpy.types.Context) -> None:

@@ -49,14 +49,15 @@ class Checkup:
         return sum(each.count(problem) for each in self.of.values())
 
     def problems(self) -> list[tuple[str, str, int]]:
-        """Returns (problem, what the vertices are, how many) for each problem that was found."""
+        """Returns (problem, what its vertices are, how many) for each problem that was found. The words follow the
+        number, and both fit into a sidebar."""
         names = {
-            checks.UNWEIGHTED: "Vertices without weights",
-            checks.SUMS: "Weights not summing to 1",
-            checks.MANY: f"More than {self.most_influences} bones",
-            checks.FAR_BONES: "Weights in far bones",
-            checks.ISLANDS: "Parts that move apart",
-            checks.STRETCHED: f"Stretched more than {pose_checks.STRETCHED} times in test poses",
+            checks.UNWEIGHTED: "without weights",
+            checks.SUMS: "not summing to 1",
+            checks.MANY: f"with over {self.most_influences} bones",
+            checks.FAR_BONES: "in far bones",
+            checks.ISLANDS: "moving apart",
+            checks.STRETCHED: f"stretched over {pose_checks.STRETCHED}x",
         }
         return [(problem, text, self.count(problem)) for problem, text in names.items() if self.count(problem)]
 
@@ -65,7 +66,7 @@ class Checkup:
         all_poses = [(pose, self.bones[name][pose.bone]) for name, own in self.poses.items() for pose in own]
         all_poses.sort(key=lambda each: -each[0].stretch)
         return [
-            f"{bone}: edges {pose.squash:.2f} to {pose.stretch:.2f} times as long"
+            f"{pose.stretch:.1f}x {bone}"
             + ("" if np.isnan(pose.volume) else f", volume {100 * (pose.volume - 1):+.0f} %")
             for pose, bone in all_poses[:count]
         ]
@@ -74,9 +75,9 @@ class Checkup:
         """Returns the result for people."""
         vertices = reports.counted(sum(each.vertex_count for each in self.of.values()), "vertex", "vertices")
         unused = len(self.bones_without_vertices)
-        found = [f"{text.lower()}: {count:,}" for _problem, text, count in self.problems()]
-        found += [f"bones without vertices: {unused:,}"] if unused else []
-        return f"{vertices}, {'; '.join(found) or 'nothing wrong with the weights'}"
+        found = [f"{count:,} {text}" for _problem, text, count in self.problems()]
+        found += [f"{reports.counted(unused, 'bone')} without vertices"] if unused else []
+        return f"{vertices}: {', '.join(found) or 'nothing wrong with the weights'}"
 
     def document(self) -> dict[str, Any]:
         """Returns the result for JSON."""

@@ -37,7 +37,7 @@ class Report:
 
     def problems(self) -> list[tuple[str, str, int]]:
         """Returns (problem, what the vertices are, how many), as a checkup does."""
-        return [("UNWEIGHTED", "Vertices without weights", self.unweighted)] if self.unweighted else []
+        return [("UNWEIGHTED", "without weights", self.unweighted)] if self.unweighted else []
 
     def document(self) -> dict[str, Any]:
         """Returns the report for JSON."""
