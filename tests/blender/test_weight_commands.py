@@ -119,10 +119,12 @@ def test_mistakes(sinew, saved):
         1,
         "sinew: Body is both where weights come from and where they go: choose another mesh\n",
     )
-    assert sinew("weights", "reduce", path, "--objects", "Body")[::2] == (
+    assert sinew("weights", "reduce", path, "--objects", "Body", "--frames", "1-3")[::2] == (
         1,
-        "sinew: Rig is at rest on the frames 1 to 250: choose frames on which it moves, or use test poses\n",
+        "sinew: Rig is at rest on the frames 1 to 3: choose frames on which it moves, or use test poses\n",
     )
+    code, out, _ = sinew("weights", "reduce", path, "--objects", "Body", "--max-influences", 1, "--measure")
+    assert code == 0 and f"in {4 * 6} poses" in out
     assert sinew("weights", "smooth", path)[0] == 2 and sinew("weights", "stretch", path)[0] == 2
     assert sinew("weights", "smooth", path, "--objects", "Body", "--factor", 2)[0] == 2
     assert sinew("weights", "reduce", path, "--objects", "Body", "--frames", "9-3")[0] == 2

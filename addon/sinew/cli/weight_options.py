@@ -113,7 +113,9 @@ def _add_reduce(command):
         command, "the frames on which moves are measured (default: the scene's, at most 50 of them, evenly spread)"
     )
     command.add_argument(
-        "--test-poses", action="store_true", help="measure with each bone turned by 90 degrees, instead of frames"
+        "--test-poses",
+        action="store_true",
+        help="measure with each bone turned by 90 degrees, instead of frames; the default if nothing moves on them",
     )
     command.add_argument(
         "--fade",

@@ -45,9 +45,13 @@ def reduce(options: argparse.Namespace, open_blend: Callable[[str], None]) -> Re
     frames = options.frames or judging_poses.spread(scene.frame_start, scene.frame_end)
 
     def pose(armature, names):
-        if options.test_poses:
-            return judging_poses.in_test_poses(armature, names)
-        return judging_poses.on_frames(bpy.context, armature, names, frames)
+        if not options.test_poses:
+            try:
+                return judging_poses.on_frames(bpy.context, armature, names, frames)
+            except judging_poses.AtRest:
+                if options.frames:
+                    raise
+        return judging_poses.in_test_poses(armature, names)
 
     made = [reducing.Reduction(ob, pose, settings) for ob in _meshes(options.objects)]
     for each in made:

@@ -90,7 +90,12 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
         name="Poses",
         description="In which poses the vertices' moves are measured",
         items=(
-            (FRAMES, "Frames", f"Those of the scene, at most {judging_poses.MOST_FRAMES} of them, evenly spread"),
+            (
+                FRAMES,
+                "Frames",
+                f"Those of the scene, at most {judging_poses.MOST_FRAMES} of them, evenly spread. If nothing moves on "
+                "them, test poses are the default",
+            ),
             (TEST, "Test Poses", f"Each bone turned to and fro by {judging_poses.TEST_ANGLE:g} degrees about two axes"),
         ),
     )
@@ -152,8 +157,25 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
 
     def measured(self, context):
         """Begins to compute what the dialog tells and *OK* writes. Raises ValueError."""
-        source = self.poses, self.frame_start, self.frame_end
-        self._measuring.begin(self.reduction_settings(), source, lambda: self.assignment(context))
+
+        def begin():
+            source = self.poses, self.frame_start, self.frame_end
+            self._measuring.begin(self.reduction_settings(), source, lambda: EditsWeights.assignment(self, context))
+
+        self.or_in_test_poses(begin)
+
+    def assignment(self, context):
+        return self.or_in_test_poses(lambda: super(ReduceInfluences, self).assignment(context))
+
+    def or_in_test_poses(self, read: Callable[[], Any]) -> Any:
+        """Returns what read() returns: in test poses, if nobody chose frames and nothing moves on them."""
+        try:
+            return read()
+        except judging_poses.AtRest:
+            if self.properties.is_property_set("poses"):
+                raise
+            self.poses = TEST
+            return read()
 
     def cancel(self, context):
         """Blender calls this when the dialog is closed without *OK*; and what comes after *OK* ends with it."""

@@ -11,7 +11,7 @@ import numpy as np
 from mathutils.kdtree import KDTree
 
 from ..blender import meshes
-from . import assigning, bone_segments, checks, pose_checks, reports, solid, table
+from . import assigning, bone_segments, carriers, checks, pose_checks, reports, solid, table
 from .entries import Entries
 
 PROBLEMS = (
@@ -125,7 +125,9 @@ def read(ob: bpy.types.Object) -> Subject:
     turned = np.array([armature.matrix_world.to_3x3() @ bone.matrix_local.to_3x3() for bone in armature.data.bones])
     axes = turned.transpose(0, 2, 1)
     axes = axes / np.maximum(np.linalg.norm(axes, axis=2, keepdims=True), 1e-30)
-    bones = pose_checks.Bones(rest.parents, rest.heads, axes)
+    number, carrier = {name: bone for bone, name in enumerate(rest.names)}, carriers.of(armature)
+    parents = np.array([number[carrier[name]] if name in carrier else -1 for name in rest.names], int)
+    bones = pose_checks.Bones(parents, rest.heads, axes)
     return Subject(armature.name, rest, deforming, weights, mesh, bones)
 
 

@@ -13,10 +13,15 @@ from mathutils import Matrix
 
 from ..blender import armatures, values
 from ..feedback import progress as feedback
+from . import carriers
 
 MOST_FRAMES = 50  # that a range is played on
 TEST_ANGLE = 90.0  # degrees
-_STILL = 1e-6  # the largest difference from the identity of a bone that does not move
+_STILL = 1e-4  # of a turn, and of the armature's size: bones that differ less from rest do not move; float32 rounds
+
+
+class AtRest(ValueError):
+    """No bone moves on the frames."""
 
 
 def spread(first: int, last: int, most: int = MOST_FRAMES) -> list[int]:
@@ -35,8 +40,8 @@ def on_frames(
     progress: Any = feedback.SILENT,
 ) -> np.ndarray:
     """Plays frames. Returns (F, B, 4, 4) of the bones of these names. B-bones count with their own matrix, without
-    their segments. The scene returns to its frame. Raises ValueError if the bones do not move, or not to finite
-    places."""
+    their segments. The scene returns to its frame. Raises AtRest if the bones do not move, and ValueError if one moves
+    to no finite place."""
     if context.view_layer.objects.get(armature.name) != armature:
         raise ValueError(
             f"{armature.name} is not in the view layer {context.view_layer.name}, so Blender does not pose it: show "
@@ -75,8 +80,12 @@ def _check(found, armature, names, frames):
         raise ValueError(
             f"Bone {names[bone]} of {armature.name} is not at a finite place (NaN or infinite) on frame {frames[frame]}"
         )
-    if np.abs(found - np.eye(4)).max() < _STILL:
-        raise ValueError(
+    heads = np.array([armature.data.bones[name].head_local for name in names], np.float64)
+    heads = heads @ (place := values.matrix_to_numpy(armature.matrix_world))[:3, :3].T + place[:3, 3]
+    away = np.einsum("fbij,bj->fbi", found[..., :3, :3], heads) + found[..., :3, 3] - heads
+    size = max(np.ptp(heads, axis=0).max(), np.abs(heads).max() * np.finfo(np.float32).eps / _STILL)
+    if np.abs(found[..., :3, :3] - np.eye(3)).max() < _STILL and np.abs(away).max() < _STILL * size:
+        raise AtRest(
             f"{armature.name} is at rest on the frames {frames[0]} to {frames[-1]}: choose frames on which it moves, "
             "or use test poses"
         )
@@ -84,15 +93,15 @@ def _check(found, armature, names, frames):
 
 def in_test_poses(armature: bpy.types.Object, names: Sequence[str], angle: float = TEST_ANGLE) -> np.ndarray:
     """Returns (4 B, B, 4, 4): each of the bones of these names turned to and fro by an angle in degrees about its X and
-    Z axes, at rest otherwise. Its children go with it."""
+    Z axes, at rest otherwise. The bones that it carries go with it (`carriers`)."""
     place = _solid(armature, values.matrix_to_numpy(armature.matrix_world))
-    bones = armature.data.bones
+    bones, carried = armature.data.bones, carriers.carried(armature)
     number = {name: column for column, name in enumerate(names)}
     found = np.tile(np.eye(4), (4 * len(names), len(names), 1, 1))
     for column, name in enumerate(names):
         rest = place @ np.array(bones[name].matrix_local, np.float64)
         back = np.linalg.inv(rest)
-        moved = [number[each.name] for each in (bones[name], *bones[name].children_recursive) if each.name in number]
+        moved = [number[each] for each in carried[name] if each in number]
         for pose, (axis, sign) in enumerate((axis, sign) for axis in "XZ" for sign in (1, -1)):
             turn = np.array(Matrix.Rotation(math.radians(sign * angle), 4, axis), np.float64)
             found[4 * column + pose, moved] = rest @ turn @ back

@@ -40,7 +40,7 @@ class TestPose:
 class Bones:
     """Bones at rest, in the space of the mesh."""
 
-    parents: np.ndarray  # (B,) int, -1 for none; in any order
+    parents: np.ndarray  # (B,) int: the bone that carries each, -1 for none; in any order
     heads: np.ndarray  # (B, 3)
     axes: np.ndarray  # (B, 3, 3): the bones' own X, Y, Z axes, as rows of length 1
 
