@@ -238,25 +238,72 @@ pytest_in_blender() {
     isolated_blender -b --python-exit-code 1 --python tests/blender/run.py -- "${@:2}"
 }
 
-# [--blender VERSION] WHAT...: these tests alone, with what is built brought up to date. WHAT is a file of tests/blender or
-# tests/python and further arguments of pytest, or the name of native tests, as ctest takes it.
+# [--blender VERSION] WORD: the tests of all kinds that have the word in their names, or WHAT...: a file of tests/blender
+# or tests/python and further arguments of pytest. In 5.2 if no other is named. What is built is brought up to date.
 try_tests() {
-  local version=own ROOTS=''
+  local version=5.2 ROOTS=''
+  [ "$BLENDER" = blender ] || version=own
   if [ "${1:-}" = --blender ]; then
     version=${2:?--blender wants a version}
-    use_blender "$version"
     shift 2
   fi
-  case ${1:?which tests? name a file of tests/blender or tests/python, or native tests} in
-    tests/blender/*)
-      PROFILE=$BUILD/profile-$version
-      package
-      cmp -s "$ZIP" "$PROFILE/installed.zip" || { install_in_profile && cp "$ZIP" "$PROFILE/installed.zip"; }
-      pytest_in_blender "$version" "$@"
-      ;;
+  case ${1:?which tests? name a word, or a file of tests/blender or tests/python} in
+    tests/blender/*) prepare_blender && pytest_in_blender "$version" "$@" ;;
     tests/python/*) TARGET=modules build && python_tests "$@" ;;
-    *) TARGET=sinew_tests build && ctest --test-dir "$BUILD" --output-on-failure --no-tests=error -R "$@" ;;
+    *) try_word "$1" ;;
   esac
+}
+
+# Sets up the Blender of `version`, with the zip as it is now.
+prepare_blender() {
+  [ "$version" = own ] || use_blender "$version"
+  PROFILE=$BUILD/profile-$version
+  package
+  cmp -s "$ZIP" "$PROFILE/installed.zip" || { install_in_profile && cp "$ZIP" "$PROFILE/installed.zip"; }
+}
+
+# WORD, in small or capital letters. Of what has no such test, nothing is built.
+try_word() {
+  local native python blender
+  native=$(native_tests_of "$1")
+  mapfile -t python < <(files_of "$1" tests/python)
+  mapfile -t blender < <(files_of "$1" tests/blender)
+  [ -n "$native${python[*]}${blender[*]}" ] || { echo "./dev try: no test has $1 in its name" >&2; exit 2; }
+  rm -f "$BUILD/log/.tried"
+  if [ ${#blender[@]} -gt 0 ]; then prepare_blender; elif [ ${#python[@]} -gt 0 ]; then TARGET=modules build; fi
+  if [ -n "$native" ]; then
+    TARGET=sinew_tests build
+    start "native tests" "$BUILD/tests/native/sinew_tests" --gtest_brief=1 --gtest_filter="$native"
+  fi
+  [ ${#python[@]} -eq 0 ] || start "Python tests" some_of python_tests "${python[@]}" -k "$1"
+  [ ${#blender[@]} -eq 0 ] || start "Blender $version" some_of pytest_in_blender "$version" "${blender[@]}" -k "$1"
+  await_all
+  [ ${#failed[@]} -eq 0 ] || { say "FAILED: ${failed[*]}"; exit 1; }
+  [ -n "$native" ] || [ -e "$BUILD/log/.tried" ] || { echo "./dev try: no test has $1 in its name" >&2; exit 2; }
+}
+
+# WORD FOLDER: prints the files of tests that have the word somewhere.
+files_of() {
+  local file
+  for file in "$2"/test_*.py; do
+    if [[ ${file,,} = *"${1,,}"* ]] || grep -qi -- "$1" "$file"; then echo "$file"; fi
+  done
+}
+
+# WORD: prints those that have it in their name or their text, as GoogleTest's filter takes them.
+native_tests_of() {
+  awk -v word="${1//_/}" '/^TEST/ { split($0, part, /[(,) ]+/); name = "*" part[2] "." part[3] "*" }
+    { text = $0; gsub("_", "", text) } name && index(tolower(text), tolower(word)) { print name }' \
+    tests/native/*_test.cpp | sort -u | paste -sd:
+}
+
+# COMMAND...: of pytest. That a file has the word, but no test of that name, is no failure.
+some_of() {
+  local code=0
+  "$@" || code=$?
+  [ $code -ne 5 ] || return 0
+  touch "$BUILD/log/.tried"
+  return $code
 }
 
 # VERSION of Blender: the folder of USD for its Python, or nothing where a test may do without.
