@@ -67,6 +67,12 @@ make_zips() {
   ZIP=$(head -1 <<<"$made")
 }
 
+# The pages that are in the zip.
+manual() {
+  install_packages python3-markdown
+  $PYTHON addon/manual.py "$BUILD/manual"
+}
+
 # [SYSTEM...]: sets MODULES to the files, also those for the Pythons of ROOTS.
 build_modules() {
   local system
