@@ -306,6 +306,55 @@ def test_what_is_not_matched_is_smooth():
     assert np.abs(made - weights)[off].mean() < 0.7 * np.abs(near - weights)[off].mean()
 
 
+def filled_in(positions, faces, known, weights):
+    """L M^-1 L w = 0 where weights are not known, with dense matrices."""
+    count = len(positions)
+    laplacian, areas = np.zeros((count, count)), np.zeros(count)
+    for a, b, c, d in faces.reshape(-1, 4):
+        for corners in ((a, b, c), (a, c, d)):
+            for i in range(3):
+                at, *ends = np.roll(corners, -i)
+                sides = positions[ends] - positions[at]
+                across = np.linalg.norm(np.cross(*sides))
+                half = np.clip(np.dot(*sides) / across, 0.01, 20) / 2
+                laplacian[ends, ends] += half
+                laplacian[ends, ends[::-1]] -= half
+                areas[at] += across / 6
+    square = laplacian @ np.diag(1 / areas) @ laplacian
+    numbers = weights.copy()
+    numbers[~known] = np.linalg.solve(square[~known][:, ~known], -square[~known][:, known] @ weights[known])
+    return numbers
+
+
+def nearest_weights(numbers):
+    """Those that are not negative and sum to 1: what is above a level that is the same for all."""
+    low, high = numbers.min() - 1, numbers.max()
+    for _ in range(100):
+        level = (low + high) / 2
+        low, high = (level, high) if np.maximum(numbers - level, 0).sum() > 1 else (low, level)
+    return np.maximum(numbers - level, 0)
+
+
+def test_what_is_filled_in_is_what_the_formula_says(random):
+    """Of a sheet with obtuse, narrow and tiny triangles, over a body that ends below a part of it."""
+    positions, offsets, faces = grid(14, 7)
+    positions = positions * (1, 1, 0) + random.uniform(-0.45, 0.45, positions.shape) * (1, 1, 0)
+    narrow = np.abs(positions[:, 0] - 9) < 1
+    positions[narrow, 0] = 9 + 0.01 * (positions[narrow, 0] - 9)
+    body, *body_faces = grid(5, 30)
+    body = body * (1, 0.5, 0) - (0.5, 3, 0)
+    turn, side = np.clip((body[:, 0] - 2) / 2, 0, 1), np.clip(body[:, 1] / 6, 0, 1)
+    weights = np.stack((1 - turn, turn * (1 - side), turn * side), 1)
+    made, matched = sinew.transfer_weights(
+        body, *body_faces, weights, positions, offsets, faces, distance=1e-4, angle=180.0
+    )
+    assert 0.15 < matched.mean() < 0.5
+    numbers = filled_in(positions, faces, matched, made.astype(float))
+    assert numbers.min() < -0.05
+    expected = np.array([nearest_weights(row) for row in numbers])
+    assert made == pytest.approx(expected, abs=2e-4)
+
+
 @pytest.mark.parametrize("scale, place", ((1e-3, 0), (1e4, 0), (1, 500)))
 def test_units_and_places_do_not_matter(scale, place):
     source, coat = ball(), ball(30, 30, 1.12)
