@@ -1,6 +1,7 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <exception>
 #include <memory>
@@ -10,6 +11,7 @@
 #include "arrays.h"
 #include "rig_description_of.h"
 #include "sinew/rig_program.h"
+#include "sinew/skeleton.h"
 #include "sinew/threads.h"
 
 namespace sinew::bindings {
@@ -126,6 +128,28 @@ py::array_t<float> rest_of(const RigProgram& program) {
   const MatrixStack<float> stack = matrix_stack<float>("rest", rest);
   for (std::ptrdiff_t bone = 0; bone < program.bone_count(); ++bone) stack.at(0, bone) = program.rest(bone);
   return rest;
+}
+
+/// The chosen bones as a tree, each below the nearest of its ancestors that is chosen.
+Skeleton skeleton_of(const RigProgram& program, const std::vector<std::int32_t>& bones) {
+  std::vector<std::int32_t> joint_of(program.bone_count(), -1);
+  for (std::size_t j = 0; j < bones.size(); ++j) {
+    if (bones[j] < 0 || bones[j] >= program.bone_count()) {
+      throw InputError("there is no bone " + std::to_string(bones[j]) + "; the rig has " +
+                       std::to_string(program.bone_count()));
+    }
+    joint_of[bones[j]] = static_cast<std::int32_t>(j);
+  }
+  std::vector<std::int32_t> parents;
+  std::vector<Matrix4<double>> rest;
+  for (const std::int32_t bone : bones) {
+    std::int32_t above = program.parents()[bone];
+    while (above >= 0 && joint_of[above] < 0) above = program.parents()[above];
+    parents.push_back(above < 0 ? -1 : joint_of[above]);
+    const Matrix4<double> own = program.rest(bone).cast<double>();
+    rest.push_back(above < 0 ? own : Matrix4<double>(program.rest(above).cast<double>().inverse() * own));
+  }
+  return Skeleton(parents, rest);
 }
 
 py::dict paths_of(const RigProgram& program) {
@@ -354,6 +378,11 @@ void bind_rigs(py::module_& module) {
           "B + 1, where each bone's joints begin in skinning_matrices(): one, or of a B-bone those of all ends of its "
           "segments.")
       .def_property_readonly("rest", &rest_of, "(B, 4, 4) float32, the bones' rest matrices in armature space.")
+      .def(
+          "skeleton", &skeleton_of, py::arg("bones"),
+          "Returns bones as a Skeleton, for local_transforms() of evaluate()'s poses of these bones: at rest as in the "
+          "rig, each below the nearest of its ancestors that is among them.\n\n"
+          "bones: the numbers of J bones. Raises ValueError for a number that the rig does not have.")
       .def_property_readonly(
           "paths", &paths_of,
           "What evaluate() takes, and how many numbers each has: settings of bones and constraints, custom properties, "

@@ -2,6 +2,7 @@
 
 #include "arrays.h"
 #include "sinew/forward_kinematics.h"
+#include "sinew/local_transforms.h"
 #include "sinew/pose_clip.h"
 
 namespace sinew::bindings {
@@ -47,6 +48,29 @@ py::array py_skinning_matrices(const Skeleton& skeleton, const py::array& world,
   const auto run = [&](auto source, auto target) { skinning_matrices(skeleton, source, target); };
   if (py::isinstance<py::array_t<float>>(world)) return into<float, float>("world", world, out, run);
   return into<double, float>("world", world, out, run);
+}
+
+py::tuple py_local_transforms(const Skeleton& skeleton, const py::array& world,
+                              const std::optional<std::vector<bool>>& may_move) {
+  require_float_or_double("world", world);
+  std::vector<std::uint8_t> moves;
+  if (may_move) moves.assign(may_move->begin(), may_move->end());
+  const auto split = [&](auto stack) {
+    const py::gil_scoped_release release;
+    return local_transforms(skeleton, stack, moves);
+  };
+  const bool is_float = py::isinstance<py::array_t<float>>(world);
+  const LocalTransforms found = is_float ? split(matrix_stack<const float>("world", world, "(F, J, 4, 4)"))
+                                         : split(matrix_stack<const double>("world", world, "(F, J, 4, 4)"));
+  const auto shaped = [&](const std::vector<double>& numbers, py::ssize_t count) {
+    return py::array_t<double>({world.shape(0), world.shape(1), count}, numbers.data());
+  };
+  py::array_t<double> played({world.shape(0), world.shape(1), py::ssize_t{4}, py::ssize_t{4}});
+  const auto stack = matrix_stack<double>("played", played);
+  for (std::ptrdiff_t i = 0; i < std::ssize(found.played); ++i) {
+    stack.at(i / skeleton.joint_count(), i % skeleton.joint_count()) = found.played[i];
+  }
+  return py::make_tuple(shaped(found.locations, 3), shaped(found.rotations, 4), shaped(found.scales, 3), played);
 }
 
 /// Copies (..., J, 4) numbers, w x y z, into quaternions.
@@ -127,6 +151,17 @@ void bind_skeleton(py::module_& module) {
              "world: F(j), (J, 4, 4) or (F, J, 4, 4), float32 or float64, any strides.\n"
              "out: (J, 4, 4) or (F, J, 4, 4) as world, float32, where to write, any strides; made if None.\n"
              "Returns out. Raises ValueError if a shape or dtype does not fit.");
+  module.def(
+      "local_transforms", &py_local_transforms, py::arg("skeleton"), py::arg("world"), py::arg("may_move") = py::none(),
+      "Computes the location, rotation and scale of each joint from which forward_kinematics makes these poses: "
+      "what is keyed.\n\n"
+      "world: F(j), (F, J, 4, 4), float32 or float64, any strides.\n"
+      "may_move: J bools, whether a joint may have a location; all may if None.\n"
+      "Returns locations (F, J, 3), rotations (F, J, 4), unit quaternions w x y z, each on the short way from the "
+      "frame before, scales (F, J, 3), and F(j) as these play it, (F, J, 4, 4), all float64. A joint that shears "
+      "relative to its parent gets the nearest rotation and scale, and its children are relative to that.\n"
+      "Raises ValueError if a shape or dtype does not fit, for a number that is not finite, and if a joint that "
+      "has children has a scale of 0 along an axis.");
 
   py::class_<PoseClip>(module, "PoseClip", "P poses of J joint rotations. Immutable.")
       .def(

@@ -952,6 +952,21 @@ def skinning_matrices(skeleton: Skeleton, world: _Float32 | _Float64, out: _Floa
     Returns out. Raises ValueError if a shape or dtype does not fit.
     """
 
+def local_transforms(
+    skeleton: Skeleton, world: _Float32 | _Float64, may_move: Sequence[bool] | None = None
+) -> tuple[_Float64, _Float64, _Float64, _Float64]:
+    """Computes the location, rotation and scale of each joint from which forward_kinematics makes these poses: what is
+    keyed.
+
+    world: F(j), (F, J, 4, 4), float32 or float64, any strides.
+    may_move: J bools, whether a joint may have a location; all may if None.
+    Returns locations (F, J, 3), rotations (F, J, 4), unit quaternions w x y z, each on the short way from the frame
+    before, scales (F, J, 3), and F(j) as these play it, (F, J, 4, 4), all float64. A joint that shears relative to its
+    parent gets the nearest rotation and scale, and its children are relative to that.
+    Raises ValueError if a shape or dtype does not fit, for a number that is not finite, and if a joint that has
+    children has a scale of 0 along an axis.
+    """
+
 def rotation_transforms(rotations: _Reals, out: _Float64 | None = None) -> _Float64:
     """Computes T(j) of joints that only rotate.
 
@@ -1550,6 +1565,12 @@ class RigProgram:
     def joint_begin(self) -> _Int32:
         """B + 1, where each bone's joints begin in skinning_matrices(): one, or of a B-bone those of all ends of its
         segments.
+        """
+    def skeleton(self, bones: Sequence[int]) -> Skeleton:
+        """Returns bones as a Skeleton, for local_transforms() of evaluate()'s poses of these bones: at rest as in the
+        rig, each below the nearest of its ancestors that is among them.
+
+        bones: the numbers of J bones. Raises ValueError for a number that the rig does not have.
         """
     @property
     def paths(self) -> dict[str, int]:

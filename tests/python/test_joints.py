@@ -71,11 +71,13 @@ def test_what_shears_is_as_near_as_a_rotation_and_a_scale(random):
     assert np.allclose(played[:, 1] @ origin, motions[:, 1] @ origin), "its head is where it should be"
 
 
-def test_mirrored_matrices_are_split(random):
-    linear = -turns(random, 5) * random.uniform(0.5, 2, (5, 1, 3))
-    turn, scale = joints.turn_and_scale(linear)
-    assert np.allclose(np.linalg.det(turn), 1) and (scale < 0).all()
-    assert np.allclose(turn * scale[:, None], linear)
+def test_bones_that_may_not_move_only_turn(random):
+    bones = chain(random)
+    motions = placed(turns(random, len(FRAMES), 4), random.normal(size=(len(FRAMES), 4, 3)))
+    keys, played = joints.keys_of(bones, motions, FRAMES, [True, False, False, True])
+    assert not keys.locations[:, 1:3].any() and keys.locations[:, [0, 3]].any()
+    assert np.allclose(played[:, [0, 3]], motions[:, [0, 3]], atol=1e-12)
+    assert np.allclose(played[:, 1, :3, :3], motions[:, 1, :3, :3], atol=1e-12), "they turn as they should"
 
 
 def test_a_bone_without_a_size_that_others_follow_is_named(random):

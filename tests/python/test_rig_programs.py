@@ -78,6 +78,24 @@ def test_frames(rig):
     assert poses[:, 1, :3, 3].tolist() == [[0, 0, 3], [10, 0, 3], [15, 0, 3]]
 
 
+def test_local_transforms_of_chosen_bones(rig):
+    """Each is below the nearest chosen ancestor, and moves relative to that."""
+    rig["bones"].append(bone("middle", "target", head=(0, 1, 0), tail_of_parent=(0, 1, 0)))
+    rig["bones"].append(bone("end", "middle", head=(0, 2, 0), tail_of_parent=(0, 2, 0)))
+    rig["curves"].append(line('pose.bones["middle"].location', 1, (0, 0), (10, 30)))
+    program = sinew.RigProgram(rig)
+    bones = [program.names.index(name) for name in ("end", "target")]
+    skeleton = program.skeleton(bones)
+    assert skeleton.parents.tolist() == [1, -1]
+    assert skeleton.rest[0, :3, 3].tolist() == [0, 2, 0]
+    poses = program.evaluate(np.array([0, 5]))[:, bones]
+    locations, rotations, scales, played = sinew.local_transforms(skeleton, poses)
+    assert locations.tolist() == [[[0, 0, 0], [0, 0, 1]], [[0, 15, 0], [10, 0, 1]]]
+    assert (rotations == [1, 0, 0, 0]).all() and (scales == 1).all() and (played == poses).all()
+    with pytest.raises(ValueError, match="there is no bone 7; the rig has 4"):
+        program.skeleton([7])
+
+
 def test_matrices_in_other_spaces(rig):
     rig["world"] = np.eye(4) + np.eye(4, k=3) * 5  # moved by 5 along X
     program = sinew.RigProgram(rig)

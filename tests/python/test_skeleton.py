@@ -115,6 +115,43 @@ def test_skinning_matrices(random, dtype, frames):
     assert np.allclose(matrices, world @ skeleton.inverse_rest, rtol=0, atol=2e-6)
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_local_transforms_are_what_forward_kinematics_is_given(random, dtype):
+    skeleton, _, _ = rigs.skeleton(random, 20)
+    local = rigs.random_matrices(random, 6, 20)
+    local[..., :3, :3] *= random.uniform(0.8, 1.25, (6, 20, 1, 3))
+    world = sinew.forward_kinematics(skeleton, local).astype(dtype)
+    tolerance = 1e-3 if dtype == np.float32 else 1e-10
+    for stack in rigs.layouts(world):
+        locations, rotations, scales, played = sinew.local_transforms(skeleton, stack)
+        assert (locations.shape, rotations.shape, scales.shape) == ((6, 20, 3), (6, 20, 4), (6, 20, 3))
+        turns = np.array([reference.rotation(q) for q in rotations.reshape(-1, 4)]).reshape(6, 20, 3, 3)
+        assert np.abs(turns * scales[..., None, :] - local[..., :3, :3]).max() < tolerance
+        assert np.abs(locations - local[..., :3, 3]).max() < tolerance
+        assert played.dtype == np.float64 and np.abs(played - world).max() < tolerance
+        assert (np.einsum("fji,fji->fj", rotations[1:], rotations[:-1]) >= 0).all()
+
+
+def test_joints_that_may_not_move_have_no_location(random):
+    skeleton, _, _ = rigs.skeleton(random, 5)
+    world = sinew.forward_kinematics(skeleton, rigs.random_matrices(random, 3, 5))
+    locations, *_ = sinew.local_transforms(skeleton, world, [True, False, True, False, True])
+    assert not locations[:, [1, 3]].any() and locations[:, [0, 2, 4]].all()
+
+
+def test_local_transforms_refuse_what_is_wrong(random):
+    skeleton, _, _ = rigs.skeleton(random, 3)
+    world = rigs.random_matrices(random, 2, 3)
+    assert "world has shape (3, 4, 4); expected (F, J, 4, 4)" in said(sinew.local_transforms, skeleton, world[0])
+    assert "world is int64; expected float32 or float64" in said(sinew.local_transforms, skeleton, world.astype(int))
+    assert "there are 2 matrices per frame; the skeleton has 3 joints" in said(
+        sinew.local_transforms, skeleton, world[:, :2]
+    )
+    assert "may_move has 1 values; the skeleton has 3 joints" in said(sinew.local_transforms, skeleton, world, [True])
+    world[1, 2, 0, 3] = np.nan
+    assert "joint 2 is not at a finite place in frame 1" in said(sinew.local_transforms, skeleton, world)
+
+
 def test_rest_pose_gives_the_identity(random):
     skeleton, _, _ = rigs.skeleton(random, 20)
     world = sinew.forward_kinematics(skeleton, np.tile(np.eye(4), (20, 1, 1)))

@@ -5,10 +5,11 @@ Letters: F frames, J joints.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ..deform import clips
+from ..native import sinew_native
 
 SMALLEST_SCALE = 1e-6  # of a bone that another one follows
 
@@ -36,49 +37,33 @@ class Keys:
         return bool(np.abs(self.scales - 1).max(initial=0) > 1e-6)
 
 
-def keys_of(joints: Joints, motions: np.ndarray, frames: Sequence[int]) -> tuple[Keys, np.ndarray]:
+def keys_of(
+    joints: Joints, motions: np.ndarray, frames: Sequence[int], may_move: Sequence[bool] | None = None
+) -> tuple[Keys, np.ndarray]:
     """Returns the Keys that play skinning matrices (F, J, 4, 4), and the skinning matrices that they play.
 
     The two differ only where a bone shears, which no bone of an armature can: it gets the rotation and the scale along
     its own axes that are closest. Poses are composed as by bones that inherit rotation and full scale:
-    pose = pose(parent) rest(parent)^-1 rest basis. frames: their numbers, for the message.
-    Raises ValueError if a bone has children and a scale of 0 along an axis.
+    pose = pose(parent) rest(parent)^-1 rest basis. frames: their numbers, for the message. may_move: (J,), whether a
+    bone may have a location; None: all may. Raises ValueError if a bone has children and a scale of 0 along an axis.
     """
-    count, basis = len(motions), np.empty_like(motions)
-    poses = np.empty_like(motions)
-    locations, scales = np.empty((count, len(joints.names), 3)), np.empty((count, len(joints.names), 3))
-    turns = np.empty((count, len(joints.names), 3, 3))
-    for j, parent in enumerate(joints.parents.tolist()):
-        before = np.broadcast_to(joints.rest[j], (count, 4, 4))
-        if parent >= 0:
-            _refuse_flat(joints.names[parent], poses[:, parent], frames)
-            before = poses[:, parent] @ np.linalg.inv(joints.rest[parent]) @ joints.rest[j]
-        wanted = np.linalg.solve(before, motions[:, j] @ joints.rest[j])
-        locations[:, j] = wanted[:, :3, 3]
-        turns[:, j], scales[:, j] = turn_and_scale(wanted[:, :3, :3])
-        basis[:, j] = np.eye(4)
-        basis[:, j, :3, :3] = turns[:, j] * scales[:, j, None]
-        basis[:, j, :3, 3] = locations[:, j]
-        poses[:, j] = before @ basis[:, j]
-    rotations = clips.continuous(clips.quaternions(turns))
-    return Keys(locations, rotations, scales), poses @ np.linalg.inv(joints.rest)
+    poses = motions @ joints.rest
+    _refuse_flat(joints, poses, frames)
+    locations, rotations, scales, played = sinew_native.local_transforms(_skeleton(joints), poses, may_move)
+    return Keys(locations, rotations, scales), played @ np.linalg.inv(joints.rest)
 
 
-def turn_and_scale(linear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Splits matrices (..., 3, 3) into the nearest rotation (..., 3, 3) and a scale (..., 3) along its columns, all
-    below 0 if the matrix mirrors."""
-    sign = np.where(np.linalg.det(linear) < 0, -1.0, 1.0)[..., None, None]
-    left, _, right = np.linalg.svd(sign * linear)
-    left[..., -1] *= np.linalg.det(left @ right)[..., None]
-    turn = left @ right
-    return turn, np.einsum("...ij,...ij->...j", turn, linear)
+def _skeleton(joints: Joints) -> Any:
+    rest, is_child = joints.rest.copy(), joints.parents >= 0
+    rest[is_child] = np.linalg.solve(joints.rest[joints.parents[is_child]], rest[is_child])
+    return sinew_native.Skeleton(joints.parents, rest)
 
 
-def _refuse_flat(name, poses, frames):
-    sizes = np.linalg.svd(poses[:, :3, :3], compute_uv=False)[:, -1]
-    flat = np.flatnonzero(sizes < SMALLEST_SCALE)
-    if len(flat):
+def _refuse_flat(joints, poses, frames):
+    parents = np.unique(joints.parents[joints.parents >= 0])
+    sizes = np.linalg.norm(poses[:, parents, :3, :3], axis=2).min(axis=2, initial=np.inf)
+    for frame, parent in np.argwhere(sizes < SMALLEST_SCALE)[:1]:
         raise ValueError(
-            f"{name} has a scale of 0 along an axis on frame {frames[flat[0]]}, and other bones follow it: choose "
-            "other frames, or new bones"
+            f"{joints.names[parents[parent]]} has a scale of 0 along an axis on frame {frames[frame]}, and other bones "
+            "follow it: choose other frames, or new bones"
         )
