@@ -398,6 +398,15 @@ def test_bones_that_are_not_there(figure):
     refused("Tube has no armature whose bones could be used: choose new bones", ob, source="RIG")
 
 
+def test_a_rig_below_a_sheared_parent(figure):
+    ob, rig = figure
+    cart = bpy.data.objects.new("Cart", None)
+    bpy.context.collection.objects.link(cart)
+    cart.scale, rig.parent, rig.rotation_euler = (1, 3, 1), cart, (0.5, 0, 0)
+    bpy.context.view_layer.update()
+    refused("Rig is below an object that is scaled unevenly and turned", ob, source="RIG")
+
+
 def test_meshes_of_different_rigs(figure):
     ob, _ = figure
     other_rig = make_armature()

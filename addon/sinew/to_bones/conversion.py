@@ -10,7 +10,7 @@ import numpy as np
 
 from ..bake import evaluation
 from ..bake.frame_range import FrameRange
-from ..blender import bounds
+from ..blender import bounds, values
 from ..native import sinew_native
 from ..plan import bindable
 from ..weights import background
@@ -21,6 +21,7 @@ from .report import Report
 
 SAMPLING = 0.5  # the share of sampling in the progress
 FOUND = "finding weights"
+LARGEST_SHEAR = 1e-4  # the cosine between two axes of an object
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,21 @@ def common_rig(objects: Sequence[bpy.types.Object]) -> bpy.types.Object:
         raise ValueError(
             f"{rig.name} has no deforming bone: tick Deform in the properties of at least one, or choose new bones"
         )
+    if rig is not None and _is_sheared(rig):
+        raise ValueError(
+            f"{rig.name} is below an object that is scaled unevenly and turned, so its bones shear in the world: apply "
+            "that object's scale, or choose The Rig's Bones, Exact"
+        )
     return rig
+
+
+def _is_sheared(rig):
+    axes = values.matrix_to_numpy(rig.matrix_world)[:3, :3]
+    lengths = np.linalg.norm(axes, axis=0)
+    if not lengths.all():
+        return False  # which is another error
+    cosines = (axes / lengths).T @ (axes / lengths) - np.eye(3)
+    return bool(np.abs(cosines).max() > LARGEST_SHEAR)
 
 
 def _refuse(ob):
