@@ -35,7 +35,7 @@ def keyed_curves(block: bpy.types.ID) -> list[bpy.types.FCurve]:
     """Returns the F-curves by which a data-block's action and its NLA strips animate it."""
     found: dict[int, bpy.types.FCurve] = {}
     for played in actions.of(block):
-        found.update((curve.as_pointer(), curve) for curve in _curves_in(played.action, played.slot))
+        found.update((curve.as_pointer(), curve) for curve in curves_in(played.action, played.slot))
     return list(found.values())
 
 
@@ -49,7 +49,7 @@ def first_animated(block: bpy.types.ID, paths: Iterable[str]) -> str | None:
     return next((path for path in paths if any(each.find(path) is not None for each in curves)), None)
 
 
-def _curves_in(action: bpy.types.Action, slot: Any) -> list[bpy.types.FCurve]:
+def curves_in(action: bpy.types.Action, slot: Any) -> list[bpy.types.FCurve]:
     """Returns the F-curves of an action's slot. slot: as below."""
     return [curve for curves in _collections_in(action, slot) for curve in curves]
 
@@ -90,7 +90,7 @@ def slot_curves(block: bpy.types.ID) -> list[bpy.types.FCurve]:
     data = block.animation_data
     if data is None or data.action is None:
         return []
-    return _curves_in(data.action, getattr(data, "action_slot", None))
+    return curves_in(data.action, getattr(data, "action_slot", None))
 
 
 def played_tracks(data: bpy.types.AnimData) -> list[bpy.types.NlaTrack]:

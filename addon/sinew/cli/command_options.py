@@ -7,7 +7,7 @@ from typing import Any
 from ..bake import frame_range as bake_range
 from ..bake import job
 from ..profiling import costs
-from . import rig_options, weight_options
+from . import rig_options, to_bones_options, weight_options
 from .option_types import blend_path, frames_by, identifier, positive_integer, positive_number, share
 from .shared_options import add_file, add_frames, add_objects, add_save
 
@@ -235,6 +235,12 @@ def add_bake_to_bones(commands: Any) -> None:
         action="store_true",
         help="find no bones: copy the deforming bones of the meshes' armature with their motion, and find weights",
     )
+    bones.add_argument(
+        "--exact",
+        action="store_true",
+        help="find neither bones nor weights: a skeleton for games with exactly the motion of a rig's deforming bones",
+    )
+    to_bones_options.add_exact(command)
     command.add_argument(
         "--max-influences", metavar="N", type=positive_integer, default=4, help="the most bones per vertex (4)"
     )
@@ -250,7 +256,8 @@ def add_bake_to_bones(commands: Any) -> None:
         "--max-error",
         metavar="D",
         type=positive_number,
-        help="fail, and save nothing, if a vertex is further off than this on any frame, in Blender's unit",
+        help="fail, and save nothing, if a vertex, or with --exact a bone, is further off than this on any frame, in "
+        "Blender's unit",
     )
     add_save(command)
 

@@ -1,4 +1,4 @@
-"""The command `bake-to-bones`: makes an armature and meshes with weights that play meshes of a .blend."""
+"""The command `bake-to-bones`: makes an armature and meshes with weights that play meshes, or a rig, of a .blend."""
 
 import argparse
 from collections.abc import Callable
@@ -7,8 +7,11 @@ from typing import Any
 import bpy
 
 from ..bake import evaluation, frame_range
-from ..to_bones import conversion, report
+from ..plan import bindable
+from ..to_bones import conversion, exact, gltf, report
+from . import to_bones_options
 from .bake_command import names_of
+from .rig_command import chosen_armature
 
 
 def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple[dict[str, Any], str, int]:
@@ -21,8 +24,13 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
     if bpy.context.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
     scene = bpy.context.scene
+    frames = options.frames or frame_range.FrameRange(scene.frame_start, scene.frame_end)
+    if options.exact:
+        return _exact(options, frames)
+    if to_bones_options.given(options) or hasattr(options, "armature") or hasattr(options, "gltf"):
+        raise ValueError("these options are for bakes with --exact: add it, or leave them out")
     settings = conversion.Settings(
-        frames=options.frames or frame_range.FrameRange(scene.frame_start, scene.frame_end),
+        frames=frames,
         bones=0 if options.rig_bones else options.bones,
         max_influences=options.max_influences,
         iterations=options.iterations,
@@ -35,6 +43,28 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
             f"the largest error is {made.largest:.3g} ({report.length(made.largest)}), which is more than "
             f"{options.max_error:g}: allow more bones, influences or iterations"
         )
+    return _saved(options, made)
+
+
+def _exact(options, frames):
+    rig = chosen_armature(getattr(options, "armature", None))
+    own = bindable.meshes_of(bpy.context, rig)
+    names = names_of(options.objects)
+    meshes = evaluation.objects_to_bake(bpy.context, names) if names else own
+    for ob in meshes:
+        if ob not in own:
+            raise ValueError(f"{rig.name} does not deform {ob.name}: name others with --objects")
+    made = exact.run(bpy.context, rig, meshes, exact.ExactSettings(frames, **to_bones_options.given(options)))
+    if options.max_error is not None and made.largest > options.max_error:
+        raise ValueError(f"{made.sentence()}; that is more than {options.max_error:g}: bake with --flat")
+    if hasattr(options, "gltf"):
+        objects = [bpy.data.objects[name] for name in (made.armature, *made.objects)]
+        gltf.export(bpy.context, objects, options.gltf)
+    return _saved(options, made)
+
+
+def _saved(options, made):
+    """Saves the file if that is wanted, and returns the JSON document, the text and the exit code."""
     if options.save:
         try:
             bpy.ops.wm.save_mainfile()

@@ -9,6 +9,8 @@ from ..clips import clip_store, posing
 from ..feedback import progress
 from ..run import characters
 
+LINEAR = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items["LINEAR"].value
+
 
 def clip_armature(ob: bpy.types.Object | None) -> bpy.types.Object | None:
     """Returns an object, if it is an armature, or else its armature; None if that has no imported poses."""
@@ -62,9 +64,10 @@ def new_curve(armature: bpy.types.Object, action: Any, data_path: str, component
 
 def fill(curve: Any, frames: np.ndarray, values: np.ndarray) -> None:
     """Adds keyframes of values (F,) on frames (F,) to an F-curve without any, with straight lines between them."""
-    curve.keyframe_points.add(len(frames))
-    points = np.stack((frames, values), axis=1).astype(np.float32)
-    curve.keyframe_points.foreach_set("co", points.reshape(-1))
-    linear = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items["LINEAR"].value
-    curve.keyframe_points.foreach_set("interpolation", np.full(len(frames), linear, np.int32))
+    keys = curve.keyframe_points
+    keys.add(len(frames))
+    points = np.empty((len(frames), 2), np.float32)
+    points[:, 0], points[:, 1] = frames, values
+    keys.foreach_set("co", points.reshape(-1))
+    keys.foreach_set("interpolation", np.full(len(frames), LINEAR, np.int32))
     curve.update()

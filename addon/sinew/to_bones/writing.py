@@ -32,27 +32,31 @@ def write(
     try:
         context.scene.frame_set(frames.first)
         copies = [_copied_mesh(context, ob, created) for ob in objects]
-        armature = _build_armature(context, objects[0], clip, joints, created)
+        armature = build_armature(context, objects[0], f"{objects[0].name}_bones", joints, created)
+        armature.location = clip.origin
         rest = np.array([bone.matrix_local for bone in armature.data.bones], np.float64)
         exact = Joints(joints.names, joints.parents, rest, joints.lengths)
         keys, _played = joint_motions.keys_of(exact, found.poses, list(frames))
-        _insert_keys(armature, keys, frames, created)
+        insert_keys(armature, f"{armature.name}_clip", keys, list(frames), created)
         made = [
             _build_mesh(ob, mesh, armature, clip, number, joints.names, found, created)
             for number, (ob, mesh) in enumerate(zip(objects, copies))
         ]
     except BaseException:  # also an interrupt
         rig_import.remove(created)
-        context.view_layer.objects.active = active
-        for ob in selected:
-            ob.select_set(True)
+        select(context, active, selected)
         raise
+    select(context, armature, (armature, *made))
+    return armature, made
+
+
+def select(context: bpy.types.Context, active: bpy.types.Object, objects: Sequence[bpy.types.Object]) -> None:
+    """Makes an object the active one, and selects these alone."""
     for ob in context.selected_objects:
         ob.select_set(False)
-    for ob in (armature, *made):
+    for ob in objects:
         ob.select_set(True)
-    context.view_layer.objects.active = armature
-    return armature, made
+    context.view_layer.objects.active = active
 
 
 def _copied_mesh(context, ob, created):
@@ -67,7 +71,7 @@ def _copied_mesh(context, ob, created):
     return mesh
 
 
-def _link(context, ob, beside):
+def link(context: bpy.types.Context, ob: bpy.types.Object, beside: bpy.types.Object) -> None:
     """Links a new object where another one is, or else to the scene's own collection, which is always shown."""
     homes = [each for each in beside.users_collection if each.library is None and each.override_library is None]
     (homes or [context.scene.collection])[0].objects.link(ob)
@@ -77,20 +81,20 @@ def _link(context, ob, beside):
         context.scene.collection.objects.link(ob)
 
 
-def _build_armature(context, beside, clip, joints, created):
-    data = bpy.data.armatures.new(f"{beside.name}_bones")
+def build_armature(
+    context: bpy.types.Context, beside: bpy.types.Object, name: str, joints: Joints, created: list[Any]
+) -> bpy.types.Object:
+    """Makes an armature of joints, beside an object, and selects it alone. created: gets what was made."""
+    data = bpy.data.armatures.new(name)
     created.append(data)
     armature = bpy.data.objects.new(data.name, data)
     created.append(armature)
-    _link(context, armature, beside)
-    armature.location = clip.origin
-    for ob in context.selected_objects:  # other armatures would go into Edit Mode, too
-        ob.select_set(False)
-    context.view_layer.objects.active = armature
+    link(context, armature, beside)
+    select(context, armature, (armature,))  # other armatures would go into Edit Mode, too
     bpy.ops.object.mode_set(mode="EDIT")
-    bones = []
-    for name, parent, rest, length in zip(joints.names, joints.parents.tolist(), joints.rest, joints.lengths):
-        bone = data.edit_bones.new(name)
+    bones: list[bpy.types.EditBone] = []
+    for bone_name, parent, rest, length in zip(joints.names, joints.parents.tolist(), joints.rest, joints.lengths):
+        bone = data.edit_bones.new(bone_name)
         bone.head = rest[:3, 3]
         bone.tail = rest[:3, 3] + length * rest[:3, 1]
         if not np.array_equal(rest[:3, :3], np.eye(3)):  # it would be rounded
@@ -103,21 +107,42 @@ def _build_armature(context, beside, clip, joints, created):
     return armature
 
 
-def _insert_keys(armature: bpy.types.Object, keys: Keys, frames: FrameRange, created: list[Any]) -> None:
-    action = bpy.data.actions.new(f"{armature.name}_clip")
+def insert_keys(
+    armature: bpy.types.Object,
+    name: str,
+    keys: Keys,
+    frames: Sequence[int],
+    created: list[Any],
+    scaled: np.ndarray | None = None,
+    moving: np.ndarray | None = None,
+    keyed: np.ndarray | None = None,
+) -> bpy.types.Action:
+    """Makes an action with these keys, has the armature play it, and returns it. created: gets what was made. (J,)
+    bools, by default one answer for all: scaled: which bones get keys of their scale, by default all if any scales;
+    moving: of their location; keyed: which get any."""
+    action = bpy.data.actions.new(name)
     created.append(action)
-    armature.animation_data_create().action = action
-    channels = [("location", keys.locations), ("rotation_quaternion", keys.rotations)]
-    if keys.has_scales:
-        channels.append(("scale", keys.scales))
-    numbers = np.array(list(frames), np.float32)
-    for j, bone in enumerate(armature.pose.bones):
+    (armature.animation_data or armature.animation_data_create()).action = action
+    everywhere = np.ones(len(armature.pose.bones), bool)
+    scaled = everywhere * keys.has_scales if scaled is None else scaled
+    moving = everywhere if moving is None else moving
+    channels = (
+        ("location", keys.locations, moving),
+        ("rotation_quaternion", keys.rotations, everywhere),
+        ("scale", keys.scales, scaled),
+    )
+    numbers = np.array(frames, np.float32)
+    for j in np.flatnonzero(everywhere if keyed is None else keyed):
+        bone = armature.pose.bones[int(j)]
         bone.rotation_mode = "QUATERNION"
-        for name, values in channels:
-            path = bone.path_from_id(name)
+        for channel, values, is_used in channels:
+            if not is_used[j]:
+                continue
+            path = bone.path_from_id(channel)
             for component in range(values.shape[2]):
                 curve = clip_keyframes.new_curve(armature, action, path, component, bone.name)
                 clip_keyframes.fill(curve, numbers, values[:, j, component])
+    return action
 
 
 def _build_mesh(beside, mesh, armature, clip, number, names, found, created):
@@ -126,7 +151,7 @@ def _build_mesh(beside, mesh, armature, clip, number, names, found, created):
     meshes.write_positions(mesh, clip.rest[first:last])
     ob = bpy.data.objects.new(mesh.name, mesh)
     created.append(ob)
-    _link(bpy.context, ob, beside)
+    link(bpy.context, ob, beside)
     ob.vertex_groups.clear()
     begin, end = found.offsets[first], found.offsets[last]
     used, groups = np.unique(found.joints[begin:end], return_inverse=True)

@@ -1,11 +1,13 @@
-"""Operators that bake the selected meshes to bones."""
+"""Operators that bake the selected meshes, or a rig, to bones."""
 
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, IntProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..to_bones import conversion
+from ..to_bones import conversion, exact, gltf
+from ..to_bones.bone_names import read_names
+from ..to_bones.exact_report import ExactReport
 from ..to_bones.report import Report
 from .in_steps import InSteps
 from .operators import selected_meshes
@@ -14,7 +16,19 @@ from .over_frames import OverFrames
 SOURCES = (
     ("NEW", "New Bones", "Find bones that play the deformation best"),
     ("RIG", "The Rig's Bones", "Copy the deforming bones of the meshes' armature with their motion, and find weights"),
+    (
+        "EXACT",
+        "The Rig's Bones, Exact",
+        "Make a skeleton for games: the rig's deforming bones with exactly their motion, in each of its actions; the "
+        "meshes keep their weights",
+    ),
 )
+ROOT_MOTIONS = (
+    ("BONES", "As It Is", "Each bone moves as the rig's"),
+    ("ROOT", "To the Root", "The root moves along the ground with the first bone below it; the pose stays the same"),
+    ("IN_PLACE", "In Place", "What moves the first bone below the root along the ground is left out"),
+)
+EXACT_OPTIONS = ("root", "root_motion", "is_flat", "has_segments", "roots_alone_move", "copies_meshes")
 
 
 class ToBonesSettings(OverFrames):
@@ -54,6 +68,60 @@ class ToBonesSettings(OverFrames):
         precision=4,
     )
 
+    all_actions: BoolProperty(
+        name="All Actions",
+        description="Bake each action that moves the rig's bones, on its own frames; otherwise the scene as it plays",
+        default=True,
+    )
+    actions: StringProperty(name="Named", description="Only actions with such names, for example walk*", default="*")
+    skeleton: StringProperty(
+        name="Skeleton",
+        description="The armature to update: bones of the same names get the new actions; empty: make a new one",
+    )
+    root: StringProperty(
+        name="Root", description="The bone of the rig below which all others are put, whether it deforms or not"
+    )
+    root_motion: EnumProperty(name="Root Motion", description="What the root does", items=ROOT_MOTIONS)
+    is_flat: BoolProperty(
+        name="No Hierarchy",
+        description="No bone but the root has children. Bones below a stretched one then stay exact in engines",
+    )
+    has_segments: BoolProperty(
+        name="Bones for B-Bones",
+        description="A bone for each end of a B-bone's segments, and weights split between them; otherwise one bone",
+    )
+    roots_alone_move: BoolProperty(
+        name="Only Roots Move", description="Key the location of bones without parents alone; others rotate"
+    )
+    copies_meshes: BoolProperty(
+        name="Copy Meshes", description="Put copies of the meshes with their weights onto a new skeleton", default=True
+    )
+    names: StringProperty(
+        name="Names",
+        description="Text file with other names for bones, a line NAME = NEW NAME each",
+        subtype="FILE_PATH",
+    )
+    gltf: StringProperty(
+        name="glTF", description="Also write the skeleton and the meshes to this .glb file", subtype="FILE_PATH"
+    )
+
+    def exact_job(self: Any, context: bpy.types.Context) -> exact.ExactSettings:
+        return exact.ExactSettings(
+            frames=self.frames(context.scene),
+            actions=self.actions if self.all_actions else "",
+            target=self.skeleton,
+            names=read_names(bpy.path.abspath(self.names)) if self.names else {},
+            **{name: getattr(self, name) for name in EXACT_OPTIONS},
+        )
+
+    def work(self: Any, context: bpy.types.Context, is_in_steps: bool) -> Any:
+        """Returns the steps of the bake, or, at once, its report."""
+        if self.source == "EXACT":
+            rig, meshes = exact.chosen(context)
+            return (exact.steps if is_in_steps else exact.run)(context, rig, meshes, self.exact_job(context))
+        bake = conversion.steps if is_in_steps else conversion.run
+        return bake(context, selected_meshes(context), self.job(context))
+
     def job(self: Any, context: bpy.types.Context) -> conversion.Settings:
         bones = self.bones if self.source == "NEW" else 0
         return conversion.Settings(
@@ -63,13 +131,15 @@ class ToBonesSettings(OverFrames):
 
 def can_bake(context: bpy.types.Context) -> bool:
     is_playing = context.screen and context.screen.is_animation_playing
-    return context.mode == "OBJECT" and bool(selected_meshes(context)) and not is_playing
+    active = context.view_layer.objects.active
+    is_armature = active is not None and active.type == "ARMATURE" and active.select_get()
+    return context.mode == "OBJECT" and (is_armature or bool(selected_meshes(context))) and not is_playing
 
 
 class BakeToBones(ToBonesSettings, bpy.types.Operator):
     """Make an armature with keyframes, and copies of the selected meshes with weights, which play what the meshes do on
-    each frame, whatever deforms them: for game engines and other programs. All selected meshes get one armature. Esc
-    stops it, and nothing has changed"""
+    each frame, whatever deforms them, or what a rig does in all its actions: for game engines and other programs. All
+    selected meshes get one armature. Esc stops it, and nothing has changed"""
 
     bl_idname = "object.sinew_bake_to_bones"
     bl_label = "Bake to Bones"
@@ -86,14 +156,32 @@ class BakeToBones(ToBonesSettings, bpy.types.Operator):
     def draw(self, _context):
         self.layout.use_property_split = True
         self.layout.use_property_decorate = False
+        self.layout.prop(self, "source")
+        if self.source == "EXACT":
+            self.draw_exact()
+            return
         column = self.layout.column(align=True)
         for name in ("frame_start", "frame_end", "frame_step"):
             column.prop(self, name)
-        self.layout.prop(self, "source")
         column = self.layout.column()
         column.active = self.source == "NEW"
         column.prop(self, "bones")
         for name in ("max_influences", "iterations", "tolerance"):
+            self.layout.prop(self, name)
+
+    def draw_exact(self: Any) -> None:
+        column = self.layout.column(align=True)
+        column.prop(self, "all_actions")
+        for name in ("actions",) if self.all_actions else ("frame_start", "frame_end"):
+            column.prop(self, name)
+        column.prop(self, "frame_step")
+        column = self.layout.column(align=True)
+        column.prop_search(self, "skeleton", bpy.context.scene, "objects")
+        column = self.layout.column(align=True)
+        column.active = not self.skeleton
+        for name in EXACT_OPTIONS:
+            column.prop(self, name)
+        for name in ("names", "gltf"):
             self.layout.prop(self, name)
 
     def execute(self, _context):
@@ -114,16 +202,15 @@ class BakeToBonesSteps(ToBonesSettings, InSteps, bpy.types.Operator):
         return can_bake(context)
 
     def execute(self, context):
-        return self.at_once(
-            lambda: self.finish(context, conversion.run(context, selected_meshes(context), self.job(context)))
-        )
+        return self.at_once(lambda: self.finish(context, self.work(context, is_in_steps=False)))
 
     def invoke(self, context, _event):
-        return self.at_once(
-            lambda: self.begin(context, conversion.steps(context, selected_meshes(context), self.job(context)))
-        )
+        return self.at_once(lambda: self.begin(context, self.work(context, is_in_steps=True)))
 
-    def finish(self, _context: bpy.types.Context, report: Report) -> set[str]:
+    def finish(self, context: bpy.types.Context, report: Report | ExactReport) -> set[str]:
+        if isinstance(report, ExactReport) and self.gltf:
+            made = [bpy.data.objects[name] for name in (report.armature, *report.objects)]
+            gltf.export(context, made, bpy.path.abspath(self.gltf))
         self.report({"INFO"}, report.sentence())
         return {"FINISHED"}
 
