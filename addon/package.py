@@ -15,6 +15,7 @@ import sys
 import zipfile
 from pathlib import Path
 
+import bill_of_materials
 import manual
 
 SOURCE = Path(__file__).parent / "sinew"
@@ -105,7 +106,9 @@ def contents(modules):
     files["LICENSE"] = (ROOT / "LICENSE").read_bytes()
     files |= {f"licenses/{path.name}": path.read_bytes() for path in (ROOT / "native" / "licenses").iterdir()}
     files |= {f"manual/{name}": data for name, data in manual_pages().items()}
-    return files | compiled(modules)
+    found = compiled(modules)
+    files["sinew.spdx.json"] = bill_of_materials.document(version(), found, set(modules.values())).encode()
+    return files | found
 
 
 def write(target, modules):

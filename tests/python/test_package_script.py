@@ -1,6 +1,8 @@
 """addon/package.py: the zips say for which systems they are, and one file serves both kinds of Mac."""
 
+import hashlib
 import importlib.util
+import json
 import re
 import struct
 import sys
@@ -28,6 +30,7 @@ def package(monkeypatch):
     manual = types.ModuleType("manual")  # which needs Python-Markdown
     manual.pages = lambda folder: {"README.html": b"a page"}
     monkeypatch.setitem(sys.modules, "manual", manual)
+    monkeypatch.syspath_prepend(ADDON)
     spec = importlib.util.spec_from_file_location("package", ADDON / "package.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -123,6 +126,39 @@ def test_one_zip_for_all_and_one_for_each(package, module, tmp_path, capsys):
     before = (tmp_path / whole).read_bytes()
     zips(package, capsys, *modules, tmp_path)
     assert (tmp_path / whole).read_bytes() == before
+
+
+def test_the_zip_says_what_it_holds(package, module, tmp_path, capsys):
+    """Each module with its hash, each library that is linked into one for these systems, with a version and a text of
+    its license, and the commit."""
+    modules = [module(platform) for platform in ("linux-x64", "macos-x64")]
+    found = zips(package, capsys, *modules, tmp_path)
+    whole, thin = (found[f"sinew-{package.version()}{end}.zip"] for end in ("", "-linux-x64"))
+    bill = json.loads(whole["sinew/sinew.spdx.json"])
+    assert {each["fileName"].removeprefix("./"): each["checksums"][1]["checksumValue"] for each in bill["files"]} == {
+        name.removeprefix("sinew/"): hashlib.sha256(data).hexdigest()
+        for name, data in whole.items()
+        if "sinew_native" in name
+    }
+    own, *linked = bill["packages"]
+    assert own["versionInfo"] == package.version() and re.fullmatch(
+        "commit ([0-9a-f]{40}(-dirty)?|NOASSERTION)", own["sourceInfo"]
+    )
+    assert [each["name"] for each in linked] == ["oneTBB", "Highway", "Eigen", "pybind11", "libc++", "zig"]
+    for each in linked:
+        assert f"sinew/{each['licenseComments'].split()[-1].removesuffix('.')}" in whole
+        assert re.match(r"\d+\.\d+", each["versionInfo"])
+    numbers = [each["SPDXID"] for each in (*bill["packages"], *bill["files"])]
+    assert len(set(numbers)) == len(numbers)
+    assert {each["spdxElementId"] for each in bill["relationships"]} <= {"SPDXRef-DOCUMENT", *numbers}
+    of_linux = json.loads(thin["sinew/sinew.spdx.json"])
+    assert [each["name"] for each in of_linux["packages"]] == ["sinew", "oneTBB", "Highway", "Eigen", "pybind11"]
+    assert of_linux["documentNamespace"] != bill["documentNamespace"]
+
+
+def test_every_library_has_a_version(package):
+    bill = sys.modules["bill_of_materials"]
+    assert all(re.match(r"\d+\.\d+", bill.version_of(name)) for name in bill.LINKED)
 
 
 def test_for_one_system_there_is_one_zip(package, module, tmp_path, capsys):
