@@ -3,7 +3,6 @@ commit that they were made from. Versions are those that .ci pins."""
 
 import hashlib
 import json
-import os
 import re
 import subprocess
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 CI = ROOT / ".ci"
 UNKNOWN = "NOASSERTION"
+CREATED = "1980-01-01T00:00:00Z"  # the time of all that is in a zip, so that the same commit gives the same zip
 # Name -> (file with its version, a pattern of the version in it, license, the system that needs it). Texts of licenses
 # are in native/licenses.
 LINKED = {
@@ -30,25 +30,26 @@ LINKED = {
 }
 
 
-def _git(*arguments):
-    """Returns what git prints, or nothing where there is no repository."""
-    try:
-        done = subprocess.run(
-            ["git", "-C", ROOT, *arguments], env=os.environ | {"TZ": "UTC"}, capture_output=True, text=True, check=False
-        )
-    except OSError:
-        return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
-
-
 def commit():
-    """Returns the hash of the commit, with -dirty if files differ from it, and its time."""
-    found = _git("rev-parse", "HEAD")
-    if not found:
-        return UNKNOWN, "1980-01-01T00:00:00Z"
-    is_dirty = _git("status", "--porcelain", "--untracked-files=no")
-    time = _git("log", "-1", "--format=%cd", "--date=format-local:%Y-%m-%dT%H:%M:%SZ")
-    return found + "-dirty" * bool(is_dirty), time
+    """Returns the hash of the commit, with -dirty if git says that files differ from it. Needs no git."""
+    folder = ROOT / ".git"
+    try:
+        found = (folder / "HEAD").read_text().strip()
+        if found.startswith("ref: "):
+            name = found.removeprefix("ref: ")
+            if (folder / name).exists():
+                found = (folder / name).read_text().strip()
+            else:
+                packed = (folder / "packed-refs").read_text().splitlines()
+                found = next(line.split()[0] for line in packed if line.endswith(f" {name}"))
+    except (OSError, StopIteration):
+        return UNKNOWN
+    try:
+        command = ["git", "-C", ROOT, "status", "--porcelain", "--untracked-files=no"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError:
+        return found
+    return found + "-dirty" * bool(done.stdout.strip())
 
 
 def version_of(name):
@@ -58,7 +59,7 @@ def version_of(name):
 
 def document(version, modules, platforms):
     """Returns the text. modules: {name in the zip: bytes}; platforms: Blender's names of those that they are for."""
-    made_from, time = commit()
+    made_from = commit()
     own = {"name": "sinew", "SPDXID": "SPDXRef-sinew", "versionInfo": version, "sourceInfo": f"commit {made_from}"}
     packages = [own | _package("GPL-3.0-or-later")]
     relations = [("SPDXRef-DOCUMENT", "DESCRIBES", "SPDXRef-sinew")]
@@ -86,7 +87,7 @@ def document(version, modules, platforms):
         "SPDXID": "SPDXRef-DOCUMENT",
         "name": f"sinew-{version}",
         "documentNamespace": f"https://spdx.org/spdxdocs/sinew-{version}-{made_from}-{'-'.join(sorted(platforms))}",
-        "creationInfo": {"created": time, "creators": ["Tool: addon/package.py"]},
+        "creationInfo": {"created": CREATED, "creators": ["Tool: addon/package.py"]},
         "packages": packages,
         "files": files,
         "relationships": [dict(zip(keys, relation)) for relation in relations],
