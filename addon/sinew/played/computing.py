@@ -1,4 +1,4 @@
-"""Computes moments of armatures that Blender has not evaluated, if they can be programs (rig_programs/).
+"""Computes moments of armatures that Blender has not evaluated, if they can be programs (description/).
 
 A program is read from an armature that is live, and dies with the record: whatever drops a part of that drops it. It
 is used once it has computed exactly what Blender shows on a frame. If it ever differs, the armature is recorded

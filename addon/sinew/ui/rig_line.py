@@ -41,7 +41,7 @@ def text_of(armature: Any) -> tuple[str, str]:
         compared = f", {own:.2f} ms (Blender {blender:.2f})\nCompared on {frames} frame{'s' * (frames != 1)}"
         return f"Rig: native{compared if blender else ''}", ""
     if rig.is_idle:
-        return "Rig: native" if rig.is_posable else "Rig: frozen", ""
+        return "Rig: native" if rig.is_posable else "Rig: recorded", ""
     if rig.stays_live:
         return "Rig: Blender's, because it was thawed", ""
     return ("Rig: Blender's", rig.reason) if rig.needs_program and rig.reason else ("", "")
