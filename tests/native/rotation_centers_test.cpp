@@ -16,8 +16,8 @@ using Integers = std::vector<std::int32_t>;
 using rigs::Matrices;
 using rigs::skinned;
 
-/// Faces as the library takes them and as the oracle does.
-struct Faces {
+/// FacesOfMesh as the library takes them and as the oracle does.
+struct FacesOfMesh {
   Integers offsets{0}, vertices;
   std::vector<Integers> lists;
 
@@ -30,7 +30,7 @@ struct Faces {
 
 struct Mesh {
   Skin skin;
-  Faces faces;
+  FacesOfMesh faces;
 };
 
 /// Rings around the x axis from -1 to 1, of quads, and a polygon at either end. Joints follow each other
@@ -81,7 +81,7 @@ std::shared_ptr<const RotationCenters> computed(const Mesh& mesh, double sigma =
 
 /// One triangle from (0, 0, 0) over (3, 0, 0) to (0, 3, 0), and vertices besides.
 struct OneTriangle {
-  Faces faces;
+  FacesOfMesh faces;
   Floats points{0, 0, 0, 3, 0, 0, 0, 3, 0}, weights;
   std::vector<std::int64_t> offsets{0};
   Integers joints;
