@@ -132,12 +132,12 @@ TEST(LocalTransforms, SayWhatIsWrong) {
   EXPECT_EQ(complaint([&] { split(skeleton, world, std::vector<std::uint8_t>{1}); }),
             "may_move has 1 values; the skeleton has 2 joints");
   world[7](0, 3) = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(complaint([&] { split(skeleton, world); }), "joint 1 is not at a finite place in frame 3");
+  EXPECT_EQ(complaint([&] { split(skeleton, world); }), "world: joint 1 is not at a finite place in frame 3");
   world[7] = Matrix4<double>::Zero();  // nothing follows it
   split(skeleton, world);
   world[6] = Matrix4<double>::Zero();
   EXPECT_EQ(complaint([&] { split(skeleton, world); }),
-            "joint 0 has a scale of 0 along an axis in frame 3, and other joints follow it");
+            "world: joint 0 has a scale of 0 along an axis in frame 3, and other joints follow it");
 }
 
 }  // namespace

@@ -177,6 +177,7 @@ def valid():
             sinew.skinning_matrices,
             {"skeleton": rig, "world": MATRICES, "out": np.empty_like(MATRICES)},
         ),
+        "local_transforms": (sinew.local_transforms, {"skeleton": rig, "world": MATRICES, "may_move": [True, False]}),
         "rotation_transforms": (sinew.rotation_transforms, {"rotations": EYE[:2], "out": np.empty((2, 4, 4))}),
         "group_influences": (
             sinew.group_influences,
@@ -239,6 +240,7 @@ def valid():
             f"RigProgram.{name}": (getattr(program, name), {"frames": FRAMES})
             for name in ("evaluate", "segments", "skinning_matrices", "profile")
         },
+        "RigProgram.skeleton": (sinew.RigProgram({"blender": 502, "bones": [BONE]}).skeleton, {"bones": [0]}),
         "RigProgram.values": (program.values, {"frames": FRAMES, "paths": []}),
         "RigProgram.convert": (
             sinew.RigProgram({"blender": 502, "bones": [BONE]}).convert,

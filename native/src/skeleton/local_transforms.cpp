@@ -43,7 +43,7 @@ void refuse(const Skeleton& skeleton, const LocalTransforms& found) {
   for (std::ptrdiff_t i = 0; i < std::ssize(found.played); ++i) {
     const Eigen::Map<const Eigen::Vector3d> scale(&found.scales[3 * i]);
     if (has_children[i % joints] && scale.cwiseAbs().minCoeff() < kSmallestScale) {
-      fail("joint ", i % joints, " has a scale of 0 along an axis in frame ", i / joints,
+      fail("world: joint ", i % joints, " has a scale of 0 along an axis in frame ", i / joints,
            ", and other joints follow it");
     }
   }
@@ -66,7 +66,7 @@ LocalTransforms local_transforms(const Skeleton& skeleton, MatrixStack<const T> 
                         std::vector<Matrix4<double>>(count)};
   for (std::ptrdiff_t i = 0; i < std::ssize(found.played); ++i) {
     if (!world.at(i / joints, i % joints).allFinite()) {
-      fail("joint ", i % joints, " is not at a finite place in frame ", i / joints);
+      fail("world: joint ", i % joints, " is not at a finite place in frame ", i / joints);
     }
   }
   const auto rest = skeleton.rest<double>();
