@@ -101,6 +101,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
     def draw(self, _context):
         layout = self.layout
         layout.use_property_split = True
+        layout.use_property_decorate = False
         column = layout.column()
         column.prop(self, "thread_count")
         column.prop(self, "instruction_set")
