@@ -33,6 +33,11 @@ LISTS = sorted(
         "load_post",
         "undo_post",
         "redo_post",
+        # of onion skins
+        "frame_change_post",
+        "depsgraph_update_post",
+        "undo_post",
+        "redo_post",
     )
 )
 

@@ -373,13 +373,13 @@ def test_disabling_the_addon_leaves_nothing_running():
             if handler.__module__.startswith(package)
         ]
 
-    assert len(handlers()) == 16
+    assert len(handlers()) == 20
     try:
         bpy.ops.preferences.addon_disable(module=package)
         assert handlers() == [] and not hasattr(bpy.types.Object, "sinew")
     finally:
         bpy.ops.preferences.addon_enable(module=package)
-    assert len(handlers()) == 16
+    assert len(handlers()) == 20
     assert sys.modules[package]
 
 

@@ -55,7 +55,7 @@ print("MODULES", [part.__name__.rpartition(".")[2] for part in addon.MODULES])
 print("PROBLEM", addon.native.problem)
 """,
 }
-HANDLERS = 26 + hasattr(bpy.app.handlers, "save_post_fail")
+HANDLERS = 30 + hasattr(bpy.app.handlers, "save_post_fail")
 GONE, RUNNING = "False False False 0 -", f"True True True {HANDLERS} "
 
 
