@@ -1,5 +1,5 @@
 """Writes tests/python/rigs_from_blender_VERSION.json.gz: small random rigs and the poses that Blender computed, for
-tests without Blender. They have all types of constraints between them.
+tests without Blender. They have all types of constraints between them, and B-bones of all shapes.
 
     blender -b --python-exit-code 1 --python tests/blender/make_rigs_from_blender.py
 
@@ -19,6 +19,7 @@ import numpy as np
 sys.path.append(str(Path(__file__).parent))
 sys.path.append(str(Path(__file__).parents[1] / "python"))
 import c_library
+import edge_rigs
 import random_rigs
 import random_strips
 from helpers import addon_module
@@ -108,6 +109,8 @@ def new_armature():
 rigs = [made(random_rig(seed), shortened) for seed in SEEDS]
 rigs.append(made(tentacle("written", count=3, xz_scale_mode="VOLUME_PRESERVE")[0], lambda description: description))
 rigs.append(made(with_strips(), lambda description: description))
+for edge in (edge_rigs.bent, edge_rigs.bent_and_mapped_along_its_curve):
+    rigs.append(made(edge_rigs.made(edge), lambda description: description))
 document = {"c_library": c_library.fingerprint(), "rigs": rounded(rigs)}
 text = json.dumps(document, separators=(",", ":"))
 FILE.write_bytes(gzip.compress(text.encode(), 9, mtime=0))

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
+import edge_rigs
 import random_modifiers
 import random_rigs
 from characters import make_armature
@@ -886,3 +887,8 @@ def human_with_body():
     body.location = (0.5, 0, 0)
     body.modifiers.new("Armature", "ARMATURE").object = ob
     return ob, body
+
+
+@pytest.mark.parametrize("edge", edge_rigs.EDGES, ids=lambda edge: edge.__name__)
+def test_edges(edge):
+    assert differences(edge_rigs.made(edge), edge_rigs.TIMES) == []

@@ -340,6 +340,21 @@ TEST(FCurve, HasModifiersOfSomeInfluenceWithinARange) {
   EXPECT_EQ(with(half, 5), 0.75F * 11 + 25);
   EXPECT_EQ(with(half, 7), 0.5F * 15 + 50);
   EXPECT_EQ(with(half, 8.5F), 0.75F * 18 + 25);
+  half.blend_in = half.blend_out = 0;
+  EXPECT_EQ(with(half, 4), 0.5F * 9 + 50);  // the range has its ends
+  EXPECT_EQ(with(half, 9), 0.5F * 19 + 50);
+  EXPECT_EQ(with(half, std::nextafter(9.0F, 10.0F)), 1 + 2 * std::nextafter(9.0F, 10.0F));
+  // Blending has its last frame, too, on which it rounds.
+  half.influence = 0.9F;
+  const float blended = 0.9F * 3 / 3;
+  ASSERT_NE(blended, 0.9F);
+  half.blend_in = 3;
+  half.range_start = 2;
+  EXPECT_EQ(with(half, 5), 100 * blended + 11 * (1 - blended));
+  half.blend_in = 0;
+  half.blend_out = 3;
+  half.range_end = 8;
+  EXPECT_EQ(with(half, 5), 100 * blended + 11 * (1 - blended));
   CurveModifier factors = generator(true, {1, -4, 2, 0});
   factors.is_factorised = true;
   EXPECT_EQ(with(factors, 5), 11 + 10);

@@ -150,6 +150,22 @@ TEST(IkTree, TwoArmsOfOneRootReachBoth) {
   expect_near(arm.tip(3), {-0.6F, 1.5F, 0.5F}, 2e-2F);
 }
 
+TEST(IkTree, WithSeveralPlacesToReachAPoleDoesNotCount) {
+  std::vector<Mat4> poses[2];
+  for (const bool has_pole : {false, true}) {
+    Arm arm(3);
+    arm.tree.goals.resize(2);
+    arm.tree.goals[0].target.set_location({0, 1.8F, 1.6F});
+    arm.tree.goals[0].has_pole = has_pole;
+    arm.tree.goals[0].pole = {3, 0.5F, 0, 1};
+    arm.tree.goals[1].tip = 1;
+    arm.tree.goals[1].target.set_location({-0.2F, 1.5F, 0.8F});
+    arm.solved();
+    poses[has_pole] = arm.pose;
+  }
+  EXPECT_EQ(poses[0], poses[1]);
+}
+
 TEST(IkTree, KeepsNothingFromSolveToSolve) {
   IkTreeSolver solver;
   Arm a(4), b(2), again(4);

@@ -1,6 +1,8 @@
 /// Every type of constraint, on a bone at (1, 2, 3) with a target bone, with values by hand.
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "rig_descriptions.h"
@@ -147,6 +149,26 @@ TEST_F(RigConstraint, LimitsDistance) {
   expect(owner().location(), {1, 2, 3});
   set(limit, "limit_mode", 1);  // outside
   expect(owner().location(), {1, 2, 4});
+  set(limit, "distance", 2);
+  move_target({1, 2, 3});  // in no direction from there
+  expect(owner().location(), {1, 2, 3});
+  move_target({1, 2, 0});
+  rig_.curves.push_back(curve(bone_path("owner", "constraints[\"LIMIT_DISTANCE 0\"].distance"), 0, {{0, 0}}));
+  set(limit, "limit_mode", 0);
+  expect(owner().location(), {1, 2, 3});  // a distance of 0 is the present one
+}
+
+TEST_F(RigConstraint, OnTheSurfaceIsWhatIsHardlyBesideIt) {
+  constexpr float kEpsilon = std::numeric_limits<float>::epsilon(), kNearly = 0.5F + kEpsilon / 2;
+  ConstraintDescription& limit = add(ConstraintType::limit_distance);
+  set(limit, "limit_mode", 2);
+  set(limit, "distance", 0.5F);
+  rig_.bones[1].head_in_armature = rig_.bones[1].head = {0, 0, 0};
+  for (const float distance : {0.5F, kNearly, 0.5F + kEpsilon, 0.5F - kEpsilon}) {
+    rig_.bones[1].rest[12] = rig_.bones[1].rest[13] = 0;
+    rig_.bones[1].rest[14] = distance;
+    EXPECT_EQ(owner().location()[2], distance == kNearly ? kNearly : 0.5F);
+  }
 }
 
 TEST_F(RigConstraint, MaintainsVolume) {
@@ -253,8 +275,19 @@ TEST_F(RigConstraint, StaysAboveAFloor) {
 TEST_F(RigConstraint, TurnsAboutAPivot) {
   move_target({1, 2, 0});
   put(1, {0, 0, 0}, {kQuarterTurn, 0, 0}, {1, 1, 1});
+  ConstraintDescription& pivot = add(ConstraintType::pivot);
+  for (const int range : {-1, 1, 2, 3, 4, 5}) {  // an angle of 0 is in both ranges about an axis
+    set(pivot, "rotation_range", static_cast<float>(range));
+    expect(owner().location(), {1, -1, 0});
+  }
+  set(pivot, "rotation_range", 0);
+  expect(owner().location(), {1, 2, 3});
+}
+
+TEST_F(RigConstraint, APivotOfWhatIsNotTurnedRoundsAsBlenderDoes) {
+  move_target({0, 1e8F, 0});
   add(ConstraintType::pivot);
-  expect(owner().location(), {1, -1, 0});
+  EXPECT_EQ(owner().location(), (Vec3{1, 0, 3}));
 }
 
 TEST_F(RigConstraint, PlaysAnAction) {
@@ -284,6 +317,32 @@ TEST_F(RigConstraint, WorksInACustomSpace) {
   set(limit, "use_min_x", 1);
   set(limit, "min_x", 2);
   expect(owner().location(), {6, 2, 3});
+}
+
+TEST_F(RigConstraint, TracksWithoutASize) {
+  move_target({5, 7, 3});
+  put(1, {0, 0, 0}, {0, 0, 0}, {1, 1, 0});
+  ConstraintDescription& track = add(ConstraintType::locked_track);
+  set(track, "track_axis", 1);
+  set(track, "lock_axis", 2);
+  const Mat4 found = owner();
+  for (int i = 0; i < 16; ++i) EXPECT_TRUE(std::isfinite(found[i / 4][i % 4])) << i;
+}
+
+TEST_F(RigConstraint, WorksBelowAParentOfScale0) {
+  rig_.bones[1].parent = 0;
+  rig_.bones[1].head = {1, 1, 3};
+  move_target({0, 0, 0}, {0, 0, 0}, {2, 1, 0});
+  set(add(ConstraintType::limit_location, false), "owner_space", 1);
+  for (const bool inherits_rotation : {true, false}) {
+    rig_.bones[1].inherits_rotation = inherits_rotation;
+    for (int mode = 0; mode <= static_cast<int>(InheritScale::none_legacy); ++mode) {
+      rig_.bones[1].inherit_scale = static_cast<InheritScale>(mode);
+      const Mat4 found = owner();
+      for (int i = 0; i < 16; ++i) EXPECT_TRUE(std::isfinite(found[i / 4][i % 4])) << mode << " at " << i;
+      expect(found.location(), {2, 2, 0});
+    }
+  }
 }
 
 }  // namespace

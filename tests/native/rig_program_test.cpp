@@ -347,6 +347,32 @@ TEST(RigProgram, ChainsFollowASpline) {
   expect_near(poses_of(rig)[1].location(), {0, 1, 0});
 }
 
+/// How wide the first bone is of a chain along a spline through these places on the X axis, with these radii: the mean of
+/// the radius at the start and that at a quarter of the way.
+float width_along(const std::vector<float>& places, const std::vector<float>& radii, int resolution) {
+  RigDescription rig = along_a_spline();
+  SplineDescription& spline = rig.splines[0];
+  spline.hooks.clear();
+  spline.points.clear();
+  for (const float x : places) spline.points.push_back({x, 0, 0, x, 0, 0, x, 0, 0});
+  spline.handles.resize(places.size());
+  spline.resolution = resolution;
+  rig.properties[0] = {"radii", static_cast<int>(radii.size()), ValueKind::real, 0, 10, radii};
+  rig.constraints[0].joints = {1, 0.25F, 0};
+  return rig::sizes_of(poses_of(rig)[0])[0];
+}
+
+TEST(RigProgram, OfPointsOfASplineThatCoincideTheLastCounts) {
+  EXPECT_EQ(width_along({0, 2, 4}, {1, 5, 1}, 1), 2);
+  EXPECT_EQ(width_along({0, 2, 2, 4}, {1, 1, 5, 1}, 1), 2);
+  EXPECT_EQ(width_along({0, 2, 2, 2, 4}, {1, 7, 7, 5, 1}, 1), 2);
+  // Up to a hundred-thousandth, divided by the resolution.
+  const float apart = 0.00001F;
+  EXPECT_EQ(width_along({0, apart, 4}, {5, 1, 1}, 1), 1);
+  EXPECT_EQ(width_along({0, apart, 4}, {5, 1, 1}, 2), 3);
+  EXPECT_EQ(width_along({0, std::nextafter(apart, 1.0F), 4}, {5, 1, 1}, 1), 3);
+}
+
 TEST(RigProgram, SplinesHaveShapeKeys) {
   RigDescription rig = along_a_spline();
   SplineDescription& spline = rig.splines[0];
@@ -514,12 +540,14 @@ TEST(RigProgram, EvaluatingAllKindsOfPartsTakesNoMemory) {
 TEST(RigProgram, FindsValuesByPath) {
   RigDescription rig = two_bones();
   rig.bones[1].name = "a \"b\"";
+  rig.bones[add_bone(rig, "1\n2\r3\t4\a5\b6\f7", -1, {0, 0, 0})].values[kScale] = 3;
   rig.properties.push_back({"pose.bones[\"root\"][\"x y\"]", 3, ValueKind::real, 0, 1, {0, 0.5F, 1}});
   rig.values.push_back({"Lamp energy", 9});
   add_constraint(rig, ConstraintType::copy_location, 1, 0).name = "follow";
   const RigProgram program(rig);
   const auto value = [&](std::string_view path) { return program.value(program.find_value(path).first); };
   EXPECT_EQ(value("pose.bones[\"a \\\"b\\\"\"].scale"), 1);
+  EXPECT_EQ(value("pose.bones[\"1\\n2\\r3\\t4\\a5\\b6\\f7\"].scale"), 3);
   EXPECT_EQ(value("pose.bones['root']['x y'][1]"), 0.5F);
   EXPECT_EQ(value("Lamp energy"), 9);
   EXPECT_EQ(value("pose.bones[\"a \\\"b\\\"\"].constraints[\"follow\"].influence"), 1);

@@ -171,7 +171,6 @@ void bend(const Program& program, State& state, int index, bool is_rest, std::sp
   ends.rolls[1] = (end.exists ? roll_about(upper(end.matrix), out) : 0) + last.roll;
   ends.scales[0] = first.scale;
   ends.scales[1] = last.scale;
-  for (Vec3& size : ends.scales) size[1] = std::max(size[1], 0.0001F);
   bend_along(ends, length, uneven, segments);
 }
 

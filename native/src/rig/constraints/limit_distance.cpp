@@ -14,7 +14,7 @@ constexpr auto kSettings = settings_with(real_setting("distance"), choice_settin
 bool must_move(Mode mode, float distance, float limit) {
   if (mode == Mode::inside) return distance >= limit;
   if (mode == Mode::outside) return distance <= limit;
-  return !(std::fabs(distance - limit) <= FLT_EPSILON);
+  return std::fabs(distance - limit) >= FLT_EPSILON;
 }
 
 void apply(const Acting& acting, Mat4& owner) {

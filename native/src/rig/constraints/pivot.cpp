@@ -1,5 +1,3 @@
-#include <cfloat>
-
 #include "rig/constraints/kind.h"
 
 namespace sinew::rig {
@@ -26,8 +24,7 @@ Vec3 turning_axis(const Mat3& rotation) {
   const Quat q = quaternion_of_unit(rotation);
   const float half = std::acos(q[0]);
   if (half * 2.0F == 0) return {0, 0, 0};
-  float sine = std::sin(half);
-  if (std::fabs(sine) < FLT_EPSILON) sine = 1.0F;
+  const float sine = std::sin(half);
   const Vec3 axis = {q[1] / sine, q[2] / sine, q[3] / sine};
   return axis == Vec3{0, 0, 0} ? Vec3{0, 1, 0} : axis;
 }
