@@ -104,6 +104,44 @@ TEST(SimplexLeastSquares, WithFewerUnknownsItIsNearTheBest) {
   EXPECT_GT(same, 70);
 }
 
+/// The least sum without an unknown, of those that sum to 1; infinite if one of them is below 0 for it.
+double best_without(const Eigen::MatrixXd& g, const Eigen::VectorXd& b, int out) {
+  const auto n = b.size();
+  Eigen::MatrixXd system = Eigen::MatrixXd::Zero(n + 1, n + 1);
+  system.topLeftCorner(n, n) = g;
+  system.row(n).head(n).setOnes();
+  system.col(n).head(n).setOnes();
+  system.row(out).setZero();
+  system(out, out) = 1;
+  Eigen::VectorXd right(n + 1);
+  right << b, 1;
+  right[out] = 0;
+  const Eigen::VectorXd x = system.fullPivLu().solve(right).head(n);
+  return x.minCoeff() < -1e-12 ? std::numeric_limits<double>::infinity() : sum_of(g, b, x);
+}
+
+TEST(SimplexLeastSquares, TheUnknownThatIsMissedLeastLeaves) {
+  std::mt19937 random(4);
+  std::normal_distribution<double> normal;
+  SimplexLeastSquares solver;
+  int tried = 0;
+  for (int trial = 0; trial < 300; ++trial) {
+    constexpr int kCount = 4;
+    const Eigen::MatrixXd a = Eigen::MatrixXd::NullaryExpr(6, kCount, [&] { return 2 + normal(random); });
+    const Eigen::MatrixXd g = a.transpose() * a;
+    const Eigen::VectorXd b = a.transpose() * a.rowwise().mean();  // equal shares leave nothing
+    Eigen::VectorXd rises(kCount);
+    for (int out = 0; out < kCount; ++out) rises[out] = best_without(g, b, out);
+    if (!rises.allFinite()) continue;
+    ++tried;
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(kCount);
+    WholeGram whole(g);
+    solver.solve_sparse(whole, b, kCount - 1, x);
+    EXPECT_NEAR(sum_of(g, b, x), rises.minCoeff(), 1e-9) << "trial " << trial;
+  }
+  EXPECT_GT(tried, 50);
+}
+
 TEST(SimplexLeastSquares, EqualColumnsEndWithAShare) {
   SimplexLeastSquares solver;
   Eigen::VectorXd x = Eigen::VectorXd::Zero(3);

@@ -25,19 +25,6 @@ constexpr double kMostEntries = 100, kMoreEntries = 2e6;
 
 constexpr std::size_t kPoints = 128;  // in a task
 
-/// Returns the weights nearest to w that are not negative and sum to 1.
-void project(Eigen::Ref<Eigen::VectorXd> w) {
-  std::vector<double> sorted(w.data(), w.data() + w.size());
-  std::sort(sorted.begin(), sorted.end(), std::greater<>());
-  double sum = 0, shift = 0;
-  for (std::size_t i = 0; i < sorted.size(); ++i) {
-    sum += sorted[i];
-    const double own = (sum - 1) / static_cast<double>(i + 1);
-    if (sorted[i] > own) shift = own;
-  }
-  w = (w.array() - shift).max(0.0);
-}
-
 Sparse lower_of(const Sparse& matrix) { return matrix.triangularView<Eigen::Lower>(); }
 
 /// The Laplacian of cotangents and the areas of points. Sides without a triangle connect, too.
@@ -158,7 +145,7 @@ void inpaint_weights(const WeldedMesh& mesh, const Faces& faces, WeightTable& ro
       }
       own.resize(std::ssize(solved[p]));
       std::ranges::transform(solved[p], own.begin(), &BoneWeight::weight);
-      project(own);
+      project_on_simplex(own);
       for (Eigen::Index i = 0; i < own.size(); ++i) {
         if (own[i] >= kLeast) sum.add(solved[p][static_cast<std::size_t>(i)].bone, own[i]);
       }
@@ -166,6 +153,18 @@ void inpaint_weights(const WeldedMesh& mesh, const Faces& faces, WeightTable& ro
       made.add_row(sum.take(total > 0 ? 1 / total : 0));
     }
   });
+}
+
+void project_on_simplex(Eigen::Ref<Eigen::VectorXd> numbers) {
+  std::vector<double> sorted(numbers.begin(), numbers.end());
+  std::sort(sorted.begin(), sorted.end(), std::greater<>());
+  double sum = 0, shift = 0;
+  for (std::size_t i = 0; i < sorted.size(); ++i) {
+    sum += sorted[i];
+    const double own = (sum - 1) / static_cast<double>(i + 1);
+    if (sorted[i] > own) shift = own;
+  }
+  numbers = (numbers.array() - shift).max(0.0);
 }
 
 }  // namespace sinew

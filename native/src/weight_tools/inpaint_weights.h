@@ -1,6 +1,8 @@
 /// Fills in weights where a surface has none.
 #pragma once
 
+#include <Eigen/Core>
+
 #include "sinew/faces.h"
 #include "sinew/progress.h"
 #include "sinew/weight_table.h"
@@ -14,5 +16,8 @@ namespace sinew {
 /// at most.
 void inpaint_weights(const WeldedMesh& mesh, const Faces& faces, WeightTable& rows, Progress* progress,
                      std::int64_t steps);
+
+/// Changes numbers, at least one, into those nearest to them that are not negative and sum to 1.
+void project_on_simplex(Eigen::Ref<Eigen::VectorXd> numbers);
 
 }  // namespace sinew

@@ -47,7 +47,8 @@ Move VertexReduction::run(std::size_t v, std::span<const BoneWeight> row, Weight
   read(v, row);
   const std::vector<int> kept = choose(static_cast<int>(most));
   Eigen::VectorXd own = normalized(kept), fitted = fit(kept, own);
-  if (largest(fitted) <= largest(own)) own = fitted;  // not if it is not a number
+  // Not if it is not a number, or too large to be compared.
+  if (const double move = largest(fitted); std::isfinite(move) && move <= largest(own)) own = fitted;
   row_.clear();
   for (std::size_t i = 0, free = 0; i < row.size(); ++i) {
     const bool stays = is_locked_[row[i].bone] != 0;
