@@ -187,6 +187,11 @@ TEST(FCurve, Cycles) {
   data.modifiers = {cycles(CycleMode::none, CycleMode::repeat)};
   EXPECT_EQ(FCurve(data).value(-5), 1);
   EXPECT_EQ(FCurve(data).value(65), 11);
+  EXPECT_EQ(FCurve(data).value(40), 5) << "a cycle ends with the last key";
+  EXPECT_EQ(FCurve(data).value(21), 3);
+  data.modifiers = {cycles(CycleMode::none, CycleMode::mirror)};
+  EXPECT_EQ(FCurve(data).value(40), 1) << "mirrored, with the first one";
+  EXPECT_EQ(FCurve(data).value(60), 5);
 }
 
 TEST(FCurve, Generates) {

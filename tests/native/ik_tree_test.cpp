@@ -176,6 +176,29 @@ TEST(IkTree, KeepsNothingFromSolveToSolve) {
   EXPECT_EQ(a.pose, again.pose);
 }
 
+TEST(IkTree, StepsAreRoundedAsByTheEigenOfEachBlender) {
+  constexpr int kDofs = 15;
+  int differing = 0;
+  for (int trial = 0; trial < 10; ++trial) {
+    DampedLeastSquares systems[2];
+    for (const bool eigen_5 : {false, true}) {
+      DampedLeastSquares& system = systems[eigen_5];
+      system.reset(3, kDofs, eigen_5);
+      for (int dof = 0; dof < kDofs; ++dof) {
+        const double x = kDofs * trial + dof;
+        system.set_column(0, dof, {std::sin(x), std::cos(3 * x), std::sin(7 * x)}, false);
+      }
+      system.set_residual(0, {0.1, -0.2, 0.15});
+      system.solve();
+    }
+    for (int dof = 0; dof < kDofs; ++dof) {
+      EXPECT_NEAR(systems[0].step(dof), systems[1].step(dof), 1e-12);
+      differing += systems[0].step(dof) != systems[1].step(dof);
+    }
+  }
+  EXPECT_GT(differing, 0);
+}
+
 TEST(IkTree, SeveralAtATimeAreAsEachAlone) {
   for (const int most : {2, 3, 7}) {
     std::vector<Arm> arms;

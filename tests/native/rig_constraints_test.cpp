@@ -190,6 +190,17 @@ TEST_F(RigConstraint, TracksOppositeDirections) {
   expect(owner().axis(1), {0, -1, 0});
 }
 
+TEST_F(RigConstraint, TurnsByTheLeastAngleThatCanBeTold) {
+  constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
+  set(add(ConstraintType::damped_track), "track_axis", 1);
+  for (const float aside : {kEpsilon, kEpsilon / 2}) {
+    rig_.bones[1].rest[12] = 0;
+    rig_.bones[1].head_in_armature = rig_.bones[1].head = {0, 2, 3};
+    move_target({aside, 3, 3});
+    EXPECT_EQ(owner().axis(1)[0], aside == kEpsilon ? kEpsilon : 0);
+  }
+}
+
 TEST_F(RigConstraint, TracksWithALockedAxis) {
   move_target({5, 7, 3});
   ConstraintDescription& track = add(ConstraintType::locked_track);
@@ -206,6 +217,15 @@ TEST_F(RigConstraint, TracksWithUpAxis) {
   set(track, "up_axis", 2);
   expect(owner().axis(1), {1, 0, 0});
   expect(owner().axis(2), {0, 0, 1});
+}
+
+TEST_F(RigConstraint, TracksWhatIsInItsOwnPlaceAsIfItWereBelow) {
+  move_target({1, 2, 3});
+  ConstraintDescription& track = add(ConstraintType::track_to);
+  set(track, "track_axis", 1);
+  set(track, "up_axis", 2);
+  expect(owner().axis(1), {0, 0, -1});
+  expect(owner().axis(2), {0, 1, 0});
 }
 
 TEST_F(RigConstraint, Stretches) {

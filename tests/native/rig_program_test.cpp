@@ -453,6 +453,20 @@ TEST(RigProgram, OfSeveralIkConstraintsOfABoneTheFirstThatActsCounts) {
   EXPECT_EQ(poses_of(program), before) << "what was solved before has no effect";
 }
 
+TEST(RigProgram, ChainsOfOneRootReachTheirGoalsTogether) {
+  RigDescription rig = two_bones();
+  add_bone(rig, "other", 0, {0, 1, 0});
+  add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
+  add_bone(rig, "other goal", -1, {-0.2F, 1.6F, 0.4F});
+  add_ik(rig, 1, 3);
+  add_ik(rig, 2, 4);
+  const std::vector<Mat4> poses = poses_of(rig);
+  for (const int tip : {1, 2}) {
+    const Vec3 tail = poses[tip].location() + poses[tip].axis(1);
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(tail[k], poses[tip + 2].location()[k], 2e-2F) << tip;
+  }
+}
+
 TEST(RigProgram, ChainsThatDoNotNeedEachOtherAreAsEachAlone) {
   const auto arms = [](int first, int last) {
     RigDescription rig;
