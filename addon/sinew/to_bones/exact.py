@@ -219,7 +219,7 @@ def _put_into_tracks(armature, written, old):
             data.nla_tracks.remove(track)
         if each.name:
             track = data.nla_tracks.new()
-            track.name = each.name
+            track.name, track.mute = each.name, True  # or Blender would evaluate all of them on each frame
             strip = track.strips.new(each.name, each.baked.first, each.action)
             if hasattr(strip, "action_slot"):
                 strip.action_slot = data.action_slot if each.action == data.action else each.action.slots[0]

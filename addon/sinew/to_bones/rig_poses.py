@@ -6,18 +6,21 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..description import equality, reading
+from ..description import driver_rows, equality, reading
 from ..native import sinew_native
 from ..played import followers, leading
 
 
 class Poses:
-    """Of one rig, as it is played now. `why`: why its program is not used, a sentence; "" if it is."""
+    """Of one rig, of which nothing but the action changes from one call to the next. `why`: why its program is not
+    used, a sentence; "" if it is."""
 
     def __init__(self, context: Any, rig: bpy.types.Object, has_segments: bool) -> None:
         """has_segments: whether the ends of B-bones' segments are wanted, too."""
         self._context, self._rig, self._has_segments = context, rig, has_segments
         self._is_proven = False
+        self._read: Any = None
+        self._others: list[Any] = []  # rows of curves that are not the rig's own
         self.why = ""
 
     def steps(self, frames: Sequence[int]) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
@@ -46,11 +49,17 @@ class Poses:
             if scene.render.frame_map_old != scene.render.frame_map_new:
                 raise ValueError(f"{scene.name} maps its frames to other times")
             followers.check_place(self._rig)
-            read = reading.read(self._rig, graph)
-            leaders = leading.leaders_of(self._rig, read.targets, read.outside, graph)
-            if leaders:
-                raise ValueError(f"{self._rig.name} follows {leaders[0].rig.name}")
-            return sinew_native.RigProgram(read.description)
+            if self._read is None:
+                self._read = reading.read(self._rig, graph)
+                leaders = leading.leaders_of(self._rig, self._read.targets, self._read.outside, graph)
+                if leaders:
+                    raise ValueError(f"{self._rig.name} follows {leaders[0].rig.name}")
+                own = len(list(driver_rows.curves_of(self._rig, self._read.targets)))
+                self._others = self._read.description["curves"][own:]
+            else:  # only the action is another one
+                own_rows = driver_rows.curves_of(self._rig, self._read.targets)
+                self._read.description["curves"] = [*own_rows, *self._others]
+            return sinew_native.RigProgram(self._read.description)
         except ValueError as reason:
             self.why = str(reason)
             return None
