@@ -14,7 +14,9 @@
 #include <utility>
 #include <vector>
 
+#include "objects.h"
 #include "sinew/types.h"
+#include "texts.h"
 
 namespace sinew::bindings {
 
@@ -63,21 +65,6 @@ inline void require_aligned(const char* name, const py::array& array) {
   if (!(array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_)) {
     throw InputError(std::string(name) + " is not aligned in memory; pass " + std::string(name) + ".copy()");
   }
-}
-
-/// A text of Blender's, which may be no UTF-8, as Blender's API gives it.
-inline py::str text_of(std::string_view text) {
-  const auto size = static_cast<py::ssize_t>(text.size());
-  PyObject* const found = PyUnicode_DecodeUTF8(text.data(), size, "surrogateescape");
-  if (found == nullptr) throw py::error_already_set();
-  return py::reinterpret_steal<py::str>(found);
-}
-
-/// What an object is, for messages: "a list", "an int", "None".
-inline std::string type_text(const py::handle& object) {
-  if (object.is_none()) return "None";
-  const std::string name = py::str(py::type::handle_of(object).attr("__name__"));
-  return (name.find_first_of("aeiou") == 0 ? "an " : "a ") + name;
 }
 
 /// Casts an object, which must already be an array. pybind11 would copy a list, and the caller would not see what is

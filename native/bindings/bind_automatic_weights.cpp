@@ -36,7 +36,7 @@ std::shared_ptr<AutomaticWeights> compute_weights(
     const py::array& tails, const std::optional<py::array>& joints, const std::string& method, int resolution,
     double stiffness, int max_influences, double least_weight, const std::optional<py::array>& fixed_vertices,
     const py::object& fixed_weights, const std::optional<py::array>& rigid_parts, double rigid_size,
-    const std::string& rigid_follow, std::shared_ptr<Progress> progress) {
+    const std::string& rigid_follow, OrNone<Progress> progress) {
   // Copied, since the computation runs without the GIL.
   const std::vector<double> points = points_of<double>("positions", positions);
   const std::vector<std::int32_t> offsets = list_of<std::int32_t>("face_offsets", face_offsets);
@@ -54,7 +54,7 @@ std::shared_ptr<AutomaticWeights> compute_weights(
   const WeightSettings settings{
       weight_method_named(method),     resolution, stiffness, max_influences, least_weight, rigid, rigid_size,
       rigid_follow_named(rigid_follow)};
-  return interruptible(std::move(progress), [&](Progress* own) {
+  return interruptible(progress, [&](Progress* own) {
     auto result = automatic_weights(points, offsets, corners, {from, to, of_bones}, {fixed, given}, settings, own);
     return result ? std::make_shared<AutomaticWeights>(std::move(*result)) : nullptr;
   });

@@ -15,7 +15,7 @@ std::shared_ptr<Decomposition> decomposed(const py::array& rest, const py::array
                                           const py::array& face_vertices, std::int32_t bones,
                                           const std::optional<py::array>& heads,
                                           const std::optional<py::array>& matrices, const py::object& weights,
-                                          const DecompositionSettings& settings, std::shared_ptr<Progress> progress) {
+                                          const DecompositionSettings& settings, OrNone<Progress> progress) {
   require_shape("frames", frames, "(F, V, 3)");
   const Numbers<float> own_rest = points_of<float>("rest", rest);
   if (frames.shape(1) != rest.shape(0)) {
@@ -42,7 +42,7 @@ std::shared_ptr<Decomposition> decomposed(const py::array& rest, const py::array
   }
   start.matrices = own_matrices;
   if (!weights.is_none()) start.weights = *given_table("weights", weights, "(V, J)");
-  return interruptible(std::move(progress), [&](Progress* own) {
+  return interruptible(progress, [&](Progress* own) {
     auto made = decompose({own_rest, own_frames, offsets, corners}, start, settings, own);
     return made ? std::make_shared<Decomposition>(std::move(*made)) : nullptr;
   });
@@ -90,9 +90,9 @@ void bind_decompose(py::module_& module) {
       [](const py::array& rest, const py::array& frames, const py::array& face_offsets, const py::array& face_vertices,
          std::int32_t bones, const std::optional<py::array>& heads, const std::optional<py::array>& matrices,
          const py::object& weights, int max_influences, int iterations, double smoothing, bool local, double tolerance,
-         std::shared_ptr<Progress> progress) {
+         OrNone<Progress> progress) {
         return decomposed(rest, frames, face_offsets, face_vertices, bones, heads, matrices, weights,
-                          {max_influences, iterations, smoothing, local, tolerance}, std::move(progress));
+                          {max_influences, iterations, smoothing, local, tolerance}, progress);
       },
       py::arg("rest"), py::arg("frames"), py::arg("face_offsets"), py::arg("face_vertices"), py::kw_only(),
       py::arg("bones") = 0, py::arg("heads") = py::none(), py::arg("matrices") = py::none(),

@@ -28,8 +28,8 @@ std::shared_ptr<Bends> make_bends(const py::array& vertices, const py::array& of
 
 std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string& method, const std::string& stretch,
                                   const std::optional<py::array>& rest_frames, const std::optional<py::array>& mask,
-                                  const std::optional<py::array>& share, std::shared_ptr<Bends> bends,
-                                  const std::optional<py::array>& split_space, std::shared_ptr<MethodData> data,
+                                  const std::optional<py::array>& share, const OrNone<Bends>& bends,
+                                  const std::optional<py::array>& split_space, const OrNone<MethodData>& data,
                                   bool refuse_half_turns) {
   std::vector<Matrix4<double>> frames;
   if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, "(J, 4, 4)");
@@ -39,8 +39,8 @@ std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string&
   const SkinningMethod how = method_named(method);
   const OptionalNumbers own_mask("mask", mask), own_share("share", share);
   const py::gil_scoped_release release;
-  return std::make_shared<Layer>(std::move(skin), how, rule, own_mask, own_share, std::move(bends), space,
-                                 std::move(data));
+  return std::make_shared<Layer>(std::move(skin), how, rule, own_mask, own_share, bends.value_or(nullptr), space,
+                                 data.value_or(nullptr));
 }
 
 std::shared_ptr<ShapeKeys> make_keys(const std::vector<py::array>& positions, const py::object& relative_to,
@@ -211,15 +211,15 @@ void bind_deformer(py::module_& module) {
   py::class_<Deformer>(module, "Deformer",
                        "Everything that happens to one mesh in a frame: shape keys, skinning layers with their masks "
                        "and mix, and the stages after them. Immutable; several threads may use one at once.")
-      .def(py::init([](const std::vector<std::shared_ptr<Layer>>& layers, std::shared_ptr<ShapeKeys> keys,
-                       std::optional<std::ptrdiff_t> vertex_count, std::shared_ptr<Stencils> stencils) {
+      .def(py::init([](const std::vector<std::shared_ptr<Layer>>& layers, const OrNone<ShapeKeys>& keys,
+                       std::optional<std::ptrdiff_t> vertex_count, const OrNone<Stencils>& stencils) {
              if (!vertex_count) {
-               return Deformer({layers.begin(), layers.end()}, std::move(keys), std::move(stencils));
+               return Deformer({layers.begin(), layers.end()}, keys.value_or(nullptr), stencils.value_or(nullptr));
              }
              if (!layers.empty() || keys) {
                throw InputError("there is a vertex_count beside layers or keys; expected one");
              }
-             return Deformer(*vertex_count, std::move(stencils));
+             return Deformer(*vertex_count, stencils.value_or(nullptr));
            }),
            py::arg("layers") = py::list(), py::arg("keys") = py::none(), py::arg("vertex_count") = py::none(),
            py::arg("stencils") = py::none(),

@@ -19,7 +19,7 @@ LaplacianKind laplacian_named(const std::string& name) {
 std::shared_ptr<DirectDeltaMush> compute(const std::shared_ptr<Skin>& skin, const py::array& face_offsets,
                                          const py::array& face_vertices, double smoothing, double weight_smoothing,
                                          double blend, int iterations, const std::string& laplacian, int variant,
-                                         double prune, const std::shared_ptr<Progress>& progress) {
+                                         double prune, const OrNone<Progress>& progress) {
   const std::vector<std::int32_t> offsets = list_of<std::int32_t>("face_offsets", face_offsets);
   const std::vector<std::int32_t> corners = list_of<std::int32_t>("face_vertices", face_vertices);
   const MushSettings settings{smoothing, weight_smoothing, blend, iterations, laplacian_named(laplacian), variant,
@@ -33,7 +33,7 @@ std::shared_ptr<DirectDeltaMush> from_dense(const py::array& rest_positions, con
                                             double weight_smoothing, double blend, int iterations,
                                             const std::string& laplacian, int variant, double prune) {
   return compute(skin_from_dense(rest_positions, weights), face_offsets, face_vertices, smoothing, weight_smoothing,
-                 blend, iterations, laplacian, variant, prune, nullptr);
+                 blend, iterations, laplacian, variant, prune, std::nullopt);
 }
 
 py::dict arrays_of(const DirectDeltaMush& mush) {

@@ -42,10 +42,10 @@ std::shared_ptr<RotationCenters> make_centers(const py::array& centers, const py
 
 std::shared_ptr<RotationCenters> compute_centers(const Skin& skin, const py::array& face_offsets,
                                                  const py::array& face_vertices, double sigma,
-                                                 std::shared_ptr<Progress> progress) {
+                                                 OrNone<Progress> progress) {
   const std::vector<std::int32_t> offsets = list_of<std::int32_t>("face_offsets", face_offsets);
   const std::vector<std::int32_t> vertices = list_of<std::int32_t>("face_vertices", face_vertices);
-  return interruptible(std::move(progress), [&](Progress* own) {
+  return interruptible(progress, [&](Progress* own) {
     return std::const_pointer_cast<RotationCenters>(RotationCenters::compute(skin, offsets, vertices, sigma, own));
   });
 }

@@ -9,6 +9,7 @@
 #include <variant>
 
 #include "arrays.h"
+#include "kept_program.h"
 #include "rig_description_of.h"
 #include "sinew/rig_program.h"
 #include "sinew/skeleton.h"
@@ -22,8 +23,10 @@ class Inputs {
  public:
   Inputs(const RigProgram& program, const py::dict& set, py::ssize_t frames) {
     for (const auto& [key, value] : set) {
+      if (!py::isinstance<py::str>(key)) throw InputError(value_text(key) + " is not a path; expected text");
+      const auto held = py::reinterpret_borrow<py::object>(value);  // what becomes an array may change the dictionary
       const std::string name = py::str(key);
-      const py::array array = py::array::ensure(value);
+      const py::array array = py::array::ensure(held);
       if (!array) throw InputError("the value of " + name + " is no array of numbers");
       numbers_.push_back(copied<float>(name.c_str(), array));
       const auto& matrices = program.matrix_names();
@@ -89,9 +92,17 @@ py::array py_evaluate(const RigProgram& program, const py::array& frames, const 
   return matrices_of(program, frames, set, program.bone_count(), &RigOutputs::poses);
 }
 
-RigProgram py_edited(const RigProgram& program, const py::dict& set, const py::list& curves) {
+std::shared_ptr<RigProgram> py_edited(const RigProgram& program, const py::dict& set, const py::list& curves) {
   const Inputs inputs(program, set, 1);
-  return program.edited(inputs.given(), animated_values_of(curves));
+  return kept_edit(program, program.edited(inputs.given(), animated_values_of(curves)), set, curves);
+}
+
+std::shared_ptr<RigProgram> program_of_state(const py::tuple& state) {
+  if (state.size() != 3) throw InputError("this is not the state of a RigProgram");
+  const auto program = kept_program(state[0], true);
+  const py::dict set = state[1];
+  const py::list curves = state[2];
+  return set.empty() && curves.empty() ? program : py_edited(*program, set, curves);
 }
 
 py::array py_segments(const RigProgram& program, const py::array& frames, const py::dict& set) {
@@ -158,11 +169,12 @@ py::dict paths_of(const RigProgram& program) {
   return counts;
 }
 
-RigProgram program_of(const std::variant<py::dict, std::filesystem::path>& given) {
-  if (const auto* description = std::get_if<py::dict>(&given)) return RigProgram(rig_description_of(*description));
+std::shared_ptr<RigProgram> program_of(const std::variant<py::dict, std::filesystem::path>& given,
+                                       bool keeps_description) {
+  if (const auto* description = std::get_if<py::dict>(&given)) return kept_program(*description, keeps_description);
   const auto& path = std::get<std::filesystem::path>(given);
   try {
-    return RigProgram(rig_description_of(rig_file(path)));
+    return kept_program(rig_file(path), keeps_description);
   } catch (const InputError& error) {
     throw InputError(std::string(py::str(py::cast(path))) + ": " + error.what());
   }
@@ -362,9 +374,15 @@ py::dict constraint_settings_dict() {
 void bind_rigs(py::module_& module) {
   py::class_<RigProgram, std::shared_ptr<RigProgram>>(
       module, "RigProgram", "An armature's bones, constraints, drivers and curves, evaluated as Blender does.")
-      .def(py::init(&program_of), py::arg("description"),
-           "Checks a description, or the file of one that `sinew rig` has written, and puts it in order. Raises "
-           "ValueError, which names what is wrong or not covered.")
+      .def(py::init(&program_of), py::arg("description"), py::arg("keep_description") = true,
+           "Checks a description, or the file of one that `sinew rig` has written, and puts it in order.\n\n"
+           "keep_description: whether it can be pickled, for which it keeps a copy of the description.\n"
+           "Raises ValueError, which names what is wrong or not covered.")
+      .def(py::pickle(&state_of, &program_of_state))
+      .def("__copy__", [](const std::shared_ptr<RigProgram>& self) { return self; })
+      .def(
+          "__deepcopy__", [](const std::shared_ptr<RigProgram>& self, const py::dict&) { return self; },
+          py::arg("memo"))
       .def_property_readonly("names", &RigProgram::bone_names, "The bones' B unique names.")
       .def_property_readonly(
           "parents", [](py::object self) { return view_list(self.cast<const RigProgram&>().parents(), self); },
@@ -404,7 +422,9 @@ void bind_rigs(py::module_& module) {
           "set: values for paths such as 'pose.bones[\"Hand\"].location', "
           "(count,) for all frames or (F, count), and matrices from outside by name, (4, 4) or (F, 4, 4); they replace "
           "the description's values and curves, and drivers replace them. Raises ValueError for an unknown path, for a "
-          "wrong shape, and if a driver divides by 0.")
+          "wrong shape, for a rotation in a mode that its bone or object does not have, which would move nothing, and "
+          "if a "
+          "driver divides by 0.")
       .def("segments", &py_segments, py::arg("frames"), py::arg("set") = py::dict(),
            "Returns the matrices at the ends of the B-bones' segments, relative to their bones, (F, S, 4, 4) "
            "float32.\n\n"

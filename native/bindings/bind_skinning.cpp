@@ -25,6 +25,24 @@ py::array dual_quaternion(const Skin& skin, const py::array& matrices, const py:
                  [&](auto stack, auto positions) { skin_dual_quaternion(skin, stack, positions, rule); });
 }
 
+std::shared_ptr<Skin> make_skin(const py::array& rest_positions, const py::array& offsets, const py::array& joints,
+                                const py::array& weights, std::ptrdiff_t joint_count) {
+  check_counts(rest_positions.size() / 3, joints.size(), joint_count);
+  const auto points = points_of<float>("rest_positions", rest_positions);
+  const auto first = list_of<std::int64_t>("offsets", offsets);
+  const auto numbers = list_of<std::int32_t>("joints", joints);
+  const auto shares = list_of<float>("weights", weights);
+  const py::gil_scoped_release release;
+  return std::make_shared<Skin>(points, first, numbers, shares, joint_count);
+}
+
+std::shared_ptr<Skin> skin_of_state(const py::tuple& state) {
+  if (state.size() != 5 || !py::isinstance<py::int_>(state[4])) throw InputError("this is not the state of a Skin");
+  const auto array = [&](const char* name, int i) { return given_array(name, state[i]); };
+  return make_skin(array("rest_positions", 0), array("offsets", 1), array("joints", 2), array("weights", 3),
+                   state[4].cast<std::ptrdiff_t>());
+}
+
 void skin_jobs(const std::vector<py::tuple>& tuples) {
   std::vector<SkinningJob> jobs;
   std::vector<std::vector<Matrix4<double>>> rest_frames(tuples.size());
@@ -80,17 +98,8 @@ py::tuple influences_of_groups(const py::array& offsets, const py::array& groups
 void bind_skinning(py::module_& module) {
   py::class_<Skin, std::shared_ptr<Skin>>(
       module, "Skin", "The mesh at rest and what moves each vertex. Immutable except for set_rest_positions.")
-      .def(py::init([](const py::array& rest_positions, const py::array& offsets, const py::array& joints,
-                       const py::array& weights, std::ptrdiff_t joint_count) {
-             check_counts(rest_positions.size() / 3, joints.size(), joint_count);
-             const auto points = points_of<float>("rest_positions", rest_positions);
-             const auto first = list_of<std::int64_t>("offsets", offsets);
-             const auto numbers = list_of<std::int32_t>("joints", joints);
-             const auto shares = list_of<float>("weights", weights);
-             const py::gil_scoped_release release;
-             return std::make_shared<Skin>(points, first, numbers, shares, joint_count);
-           }),
-           py::arg("rest_positions"), py::arg("offsets"), py::arg("joints"), py::arg("weights"), py::arg("joint_count"),
+      .def(py::init(&make_skin), py::arg("rest_positions"), py::arg("offsets"), py::arg("joints"), py::arg("weights"),
+           py::arg("joint_count"),
            "rest_positions: (V, 3), space of the mesh.\n"
            "offsets: (V + 1,) integers; vertex v has the influences offsets[v] up to "
            "offsets[v + 1].\n"
@@ -100,6 +109,12 @@ void bind_skinning(py::module_& module) {
            "All influences are kept, in their order. A vertex without any, or with only zeros, stays at rest.\n"
            "Raises ValueError for sizes that do not fit, a joint that does not exist, a number "
            "that is not finite.")
+      .def(py::pickle(
+          [](const py::object& self) {
+            return py::make_tuple(self.attr("rest_positions"), self.attr("offsets"), self.attr("joints"),
+                                  self.attr("weights"), self.attr("joint_count"));
+          },
+          &skin_of_state))
       .def_static("from_dense", &skin_from_dense, py::arg("rest_positions"), py::arg("weights"),
                   "A skin from a dense table of weights.\n\n"
                   "rest_positions: (V, 3), space of the mesh.\n"

@@ -46,14 +46,14 @@ using Returned = std::optional<py::object>;
 Returned smoothed(const py::object& weights, const py::array& face_offsets, const py::array& face_vertices,
                   double strength, int steps, double factor, const std::optional<py::array>& mask,
                   const std::optional<py::array>& locked, const std::optional<py::array>& positions,
-                  std::shared_ptr<Progress> progress) {
+                  OrNone<Progress> progress) {
   const auto table = given_table("weights", weights);
   const FacesOfPython faces("face_offsets", face_offsets, "face_vertices", face_vertices);
   const std::vector<float> own_mask = mask_or_none(mask);
   const std::vector<std::int32_t> own_locked = locked_or_none(locked);
   std::vector<float> own_positions;
   if (positions) own_positions = points_of<float>("positions", *positions);
-  auto made = interruptible(std::move(progress), [&](Progress* own) {
+  auto made = interruptible(progress, [&](Progress* own) {
     return smooth_weights(*table, faces.view(), {strength, steps, factor, own_mask, own_locked, own_positions}, own);
   });
   if (!made) return std::nullopt;
@@ -62,7 +62,7 @@ Returned smoothed(const py::object& weights, const py::array& face_offsets, cons
 
 Returned reduced(const py::object& weights, const py::array& positions, const py::array& matrices, int max_influences,
                  int rings, const std::optional<py::array>& face_offsets, const std::optional<py::array>& face_vertices,
-                 const std::optional<py::array>& locked, std::shared_ptr<Progress> progress) {
+                 const std::optional<py::array>& locked, OrNone<Progress> progress) {
   const auto table = given_table("weights", weights);
   const std::vector<float> own_positions = points_of<float>("positions", positions);
   std::vector<Matrix4<double>> own_matrices = copied_matrices("matrices", matrices, "(F, J, 4, 4)");
@@ -71,7 +71,7 @@ Returned reduced(const py::object& weights, const py::array& positions, const py
   const FacesOfPython faces("face_offsets", face_offsets.value_or(no_faces), "face_vertices",
                             face_vertices.value_or(no_faces));
   const std::vector<std::int32_t> own_locked = locked_or_none(locked);
-  auto made = interruptible(std::move(progress), [&](Progress* own) {
+  auto made = interruptible(progress, [&](Progress* own) {
     const Matrix4<double> none = Matrix4<double>::Identity();
     const Matrix4<double>* const first = own_matrices.empty() ? &none : own_matrices.data();
     return reduce_weights(*table, own_positions, MatrixStack<const double>::of(first, frames, joints), faces.view(),
@@ -85,13 +85,13 @@ Returned reduced(const py::object& weights, const py::array& positions, const py
 
 Returned mirrored(const py::object& weights, const py::array& positions, const py::array& face_offsets,
                   const py::array& face_vertices, const py::array& pairs, int axis, double origin, bool from_positive,
-                  double middle, const std::optional<py::array>& mask, std::shared_ptr<Progress> progress) {
+                  double middle, const std::optional<py::array>& mask, OrNone<Progress> progress) {
   const auto table = given_table("weights", weights);
   const std::vector<float> own_positions = points_of<float>("positions", positions);
   const FacesOfPython faces("face_offsets", face_offsets, "face_vertices", face_vertices);
   const std::vector<std::int32_t> own_pairs = list_of<std::int32_t>("pairs", pairs);
   const std::vector<float> own_mask = mask_or_none(mask);
-  auto made = interruptible(std::move(progress), [&](Progress* own) {
+  auto made = interruptible(progress, [&](Progress* own) {
     return mirror_weights(*table, own_positions, faces.view(), own_pairs,
                           {axis, origin, from_positive, middle, own_mask}, own);
   });
@@ -102,14 +102,14 @@ Returned mirrored(const py::object& weights, const py::array& positions, const p
 Returned transferred(const py::array& source_positions, const py::array& source_face_offsets,
                      const py::array& source_face_vertices, const py::object& source_weights,
                      const py::array& positions, const py::array& face_offsets, const py::array& face_vertices,
-                     double distance, double angle, bool flipped, std::shared_ptr<Progress> progress) {
+                     double distance, double angle, bool flipped, OrNone<Progress> progress) {
   const auto table = given_table("source_weights", source_weights);
   const std::vector<float> from = points_of<float>("source_positions", source_positions);
   const FacesOfPython source_faces("source_face_offsets", source_face_offsets, "source_face_vertices",
                                    source_face_vertices);
   const std::vector<float> to = points_of<float>("positions", positions);
   const FacesOfPython faces("face_offsets", face_offsets, "face_vertices", face_vertices);
-  auto made = interruptible(std::move(progress), [&](Progress* own) {
+  auto made = interruptible(progress, [&](Progress* own) {
     return transfer_weights(from, source_faces.view(), *table, to, faces.view(), {distance, angle, flipped}, own);
   });
   if (!made) return std::nullopt;

@@ -1,6 +1,7 @@
 /// Says in one sentence which argument of a call is wrong, where pybind11 would list all types and all values.
 #include <algorithm>
 #include <cstdint>
+#include <cstring>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -43,6 +44,7 @@ std::pair<std::string, bool> wanted(std::string_view type, const py::object& val
   if (word == "typing.SupportsInt") return {"an integer", PyIndex_Check(value.ptr())};
   if (word == "typing.SupportsFloat") return {"a number", PyNumber_Check(value.ptr())};
   if (word == "str") return {"text", py::isinstance<py::str>(value)};
+  if (word == "collections.abc.Callable") return {"a function", PyCallable_Check(value.ptr())};
   if (word == "os.PathLike") return {"a path", py::isinstance<py::str>(value) || py::hasattr(value, "__fspath__")};
   if (word.starts_with(kOwn)) {
     const std::string name(word.substr(word.rfind('.') + 1)), bases = py::str(py::type::of(value).attr("__mro__"));
@@ -50,7 +52,7 @@ std::pair<std::string, bool> wanted(std::string_view type, const py::object& val
   }
   const std::size_t at = type.find(kSequence);
   if (at != 0 && at != kFixed.size()) return {std::string(word), true};
-  bool is_met = PySequence_Check(value.ptr());
+  bool is_met = PySequence_Check(value.ptr()) && !PyUnicode_Check(value.ptr()) && !PyBytes_Check(value.ptr());
   const std::size_t count = is_met ? py::len(value) : 0;
   std::string said = "a list";
   if (at > 0) {
@@ -61,15 +63,16 @@ std::pair<std::string, bool> wanted(std::string_view type, const py::object& val
   type.remove_prefix(at + kSequence.size());
   if (!type.starts_with('[')) return {said, is_met};
   type.remove_prefix(1);
-  for (std::size_t i = 0; i < count; ++i) {
+  for (std::size_t i = 0; i < count && is_met; ++i) {
     const py::object item = value[py::int_(i)];
     is_met &= wanted(type, item).second || (item.is_none() && type.find(kOrNone) != type.npos);
   }
   return {said + ", each " + wanted(type, py::none()).first, is_met};
 }
 
-/// Raises what is wrong with a call, if that is found.
-void complain(const FunctionRecord& record, PyObject* const* arguments, std::size_t positional, py::handle names) {
+/// Raises what is wrong with a call.
+[[noreturn]] void complain(const FunctionRecord& record, PyObject* const* arguments, std::size_t positional,
+                           py::handle names) {
   const std::string call =
       std::string(record.is_constructor ? py::str(record.scope.attr("__name__")) : py::str(record.name)) + "()";
   if (positional > record.nargs_pos) {
@@ -81,7 +84,7 @@ void complain(const FunctionRecord& record, PyObject* const* arguments, std::siz
   for (std::size_t i = 0; names && i < py::len(names); ++i) {
     const std::string name = py::str(names[py::int_(i)]);
     const auto place = std::ranges::find(record.args, name, &Parameter::name) - record.args.begin();
-    if (place == std::ssize(given)) throw py::type_error(call + " has no argument " + name);
+    if (place == std::ssize(given)) throw py::type_error(call + " has no argument " + shortened(name));
     if (given[place]) throw py::type_error(call + " has the argument " + name + " twice");
     given[place] = arguments[positional + i];
   }
@@ -97,13 +100,13 @@ void complain(const FunctionRecord& record, PyObject* const* arguments, std::siz
     const std::string expected = "; expected " + said + (is_optional ? " or None" : "");
     if (!is_met) throw py::type_error(name + " is " + type_text(value) + expected);
     if (said == "an integer" && (value < py::int_(INT32_MIN) || value > py::int_(INT32_MAX))) {
-      out_of_range = name + " is " + std::string(py::str(value)) + ", which is out of range";
+      out_of_range = name + " is " + value_text(value) + ", which is out of range";
     } else if (list.empty() && said.find("list") != said.npos) {
       list = name + " does not fit" + expected;
     }
   }
   if (!out_of_range.empty()) throw py::value_error(out_of_range);
-  if (!list.empty()) throw py::type_error(list);
+  throw py::type_error(list.empty() ? call + " does not take these arguments" : list);
 }
 
 using Dispatcher = PyObject* (*)(PyObject*, PyObject* const*, std::size_t, PyObject*);
@@ -113,17 +116,19 @@ PyObject* call_and_explain(PyObject* self, PyObject* const* arguments, std::size
   PyObject* const result = dispatcher(self, arguments, count, names);
   if (result || !PyErr_ExceptionMatches(PyExc_TypeError)) return result;
   py::error_already_set raised;
+  const std::string said = py::str(raised.value());
+  if (said.find("): incompatible ") == said.npos) {
+    raised.restore();
+    return nullptr;
+  }
   try {
-    const std::string said = py::str(raised.value());
-    if (said.find("): incompatible ") != said.npos) {
-      complain(*py::detail::function_record_ptr_from_PyObject(self), arguments, PyVectorcall_NARGS(count), names);
-    }
+    complain(*py::detail::function_record_ptr_from_PyObject(self), arguments, PyVectorcall_NARGS(count), names);
   } catch (const py::builtin_exception& own) {
     own.set_error();
-    return nullptr;
-  } catch (const py::error_already_set&) {  // what was raised says enough
+  } catch (const py::error_already_set& own) {
+    const std::string type = py::str(own.type().attr("__name__"));
+    PyErr_SetString(PyExc_TypeError, ("an argument cannot be looked at: it raises " + type).c_str());
   }
-  raised.restore();
   return nullptr;
 }
 
@@ -131,10 +136,8 @@ void explain(py::handle function) {
   if (!PyCFunction_Check(function.ptr()) || !PyCFunction_GET_SELF(function.ptr())) return;
   auto* const record = py::detail::function_record_ptr_from_PyObject(PyCFunction_GET_SELF(function.ptr()));
   if (!record || record->next || record->def->ml_flags != (METH_FASTCALL | METH_KEYWORDS)) return;
-  // pybind11 would pass null where an object of ours has to be given.
-  const std::vector<std::string_view> types = types_of(*record);
-  for (std::size_t i = 0; i < types.size(); ++i) {
-    record->args[i].none &= !types[i].starts_with(kOwn) || may_be_none(record->args[i], types[i]);
+  if (record->is_method && record->args.empty()) {                                  // otherwise None is a null `self`
+    record->args.emplace_back(strdup("self"), nullptr, py::handle(), true, false);  // pybind11 frees it
   }
   dispatcher = reinterpret_cast<Dispatcher>(reinterpret_cast<void (*)()>(record->def->ml_meth));
   record->def->ml_meth = reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(call_and_explain));
@@ -145,7 +148,8 @@ void explain(py::handle function) {
 /// Of all functions and methods of a module or class, and of a module's classes.
 void explain_arguments(const py::object& owner) {
   for (const auto& [name, member] : py::dict(owner.attr("__dict__"))) {
-    const py::object own = py::getattr(owner, name);
+    py::object own = py::getattr(owner, name);
+    if (Py_IS_TYPE(own.ptr(), &PyProperty_Type)) own = own.attr("fget");
     PyType_Check(own.ptr()) ? explain_arguments(own) : explain(py::detail::get_function(own));
   }
 }

@@ -10,6 +10,7 @@
 #include <system_error>
 #include <thread>
 
+#include "objects.h"
 #include "sinew/progress.h"
 
 namespace sinew::bindings {
@@ -35,10 +36,10 @@ inline bool python_ends() {
 /// meanwhile: the computation runs in a separate thread, and if a handler raises, as the one for Ctrl C does, it is
 /// cancelled, and the error is raised here after it has ended. If Python has ended meanwhile, this does not return.
 template <class Compute>
-auto interruptible(std::shared_ptr<Progress> progress, const Compute& compute) {
+auto interruptible(const OrNone<Progress>& given, const Compute& compute) {
   namespace py = pybind11;
+  const auto progress = given ? *given : std::make_shared<Progress>();
   using Result = decltype(compute(progress.get()));
-  if (!progress) progress = std::make_shared<Progress>();
   std::optional<py::error_already_set> raised;
   std::optional<Result> result;
   std::future<Result> computation;

@@ -6,6 +6,8 @@
 
 #include "sinew/instruction_set.h"
 #include "sinew/threads.h"
+#include "sinew/types.h"
+#include "texts.h"
 
 namespace sinew::bindings {
 void bind_skeleton(pybind11::module_& module);
@@ -21,6 +23,7 @@ void bind_automatic_weights(pybind11::module_& module);
 void bind_cages(pybind11::module_& module);
 void bind_deformer(pybind11::module_& module);
 void bind_decompose(pybind11::module_& module);
+void bind_tasks(pybind11::module_& module);
 void bind_weight_tools(pybind11::module_& module);
 void explain_arguments(const pybind11::object& module);
 }  // namespace sinew::bindings
@@ -33,6 +36,27 @@ void translate_no_memory(std::exception_ptr thrown) {
     std::rethrow_exception(thrown);
   } catch (const std::bad_alloc&) {
     PyErr_SetString(PyExc_MemoryError, "there is not enough memory; close what is not needed, or take a smaller mesh");
+  }
+}
+
+/// Keeps the text of an error short: names and files may be of any length. HalfTurn has a class of its own.
+void translate_input_error(std::exception_ptr thrown) {
+  try {
+    std::rethrow_exception(thrown);
+  } catch (const sinew::InputError& error) {
+    const std::string text = sinew::bindings::shortened(error.what());
+    const pybind11::object said = pybind11::reinterpret_steal<pybind11::object>(
+        PyUnicode_DecodeUTF8(text.data(), static_cast<pybind11::ssize_t>(text.size()), "backslashreplace"));
+    PyErr_SetObject(PyExc_ValueError, said.ptr());
+  }
+}
+
+/// pybind11 raises RuntimeError for an object of another class.
+void translate_wrong_object(std::exception_ptr thrown) {
+  try {
+    std::rethrow_exception(thrown);
+  } catch (const pybind11::cast_error&) {
+    PyErr_SetString(PyExc_TypeError, "an object is not of the class that is expected here");
   }
 }
 
@@ -57,6 +81,8 @@ PYBIND11_MODULE(sinew_native, module) {
       "a rig "
       "folder.";
   pybind11::register_local_exception_translator(&translate_no_memory);
+  pybind11::register_local_exception_translator(&translate_input_error);
+  pybind11::register_local_exception_translator(&translate_wrong_object);
   module.attr("__version__") = SINEW_VERSION;
   sinew::bindings::bind_skeleton(module);
   sinew::bindings::bind_files(module);
@@ -72,6 +98,7 @@ PYBIND11_MODULE(sinew_native, module) {
   sinew::bindings::bind_weight_tools(module);
   sinew::bindings::bind_automatic_weights(module);
   sinew::bindings::bind_rigs(module);
+  sinew::bindings::bind_tasks(module);
   module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
              "Lets later calls use at most `count` threads, the calling one included, and never more "
              "than the machine has; 0 means as many as it has. Results never depend on it. Raises "

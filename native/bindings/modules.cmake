@@ -47,12 +47,14 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/bind_skinning.cpp
     bindings/bind_stages.cpp
     bindings/bind_stencils.cpp
+    bindings/bind_tasks.cpp
     bindings/bind_weight_tools.cpp
     bindings/explain_arguments.cpp
+    bindings/kept_program.cpp
     bindings/module.cpp
     bindings/rig_description_of.cpp)
   target_link_libraries(${target} PRIVATE ${copying})
-  target_compile_options(${copying} PRIVATE $<$<AND:$<CONFIG:Release>,$<NOT:$<CXX_COMPILER_ID:MSVC>>>:-O1>)
+  target_compile_options(${copying} PRIVATE $<$<AND:$<CONFIG:Release>,$<NOT:$<CXX_COMPILER_ID:MSVC>>>:-Os>)
   foreach(part ${target} ${copying})
     target_include_directories(${part} PRIVATE bindings)
     target_include_directories(${part} SYSTEM PRIVATE ${ARGN} ${pybind11_INCLUDE_DIRS})

@@ -16,6 +16,11 @@
 namespace sinew::bindings {
 namespace {
 
+/// Lists in lists, and strips in strips: a list may contain itself. It is more than a matrix or a program has.
+constexpr int kMostNested = 16;
+constexpr std::size_t kMostStrips = 65'536;
+constexpr std::size_t kMostNumbers = 1 << 28;  // of one entry
+
 [[noreturn]] void wrong(const std::string& where, const std::string& what) { throw InputError(where + " " + what); }
 
 /// Names in the order of an enumeration's values, which begin at `first`.
@@ -24,7 +29,7 @@ struct Names {
   std::vector<std::string_view> names;
 };
 
-const Names kRotationModes = {-1, {"AXIS_ANGLE", "QUATERNION", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"}};
+const Names kRotationModes = {-1, {kRotationModeNames.begin(), kRotationModeNames.end()}};
 const Names kInheritScales = {0, {"FULL", "FIX_SHEAR", "ALIGNED", "AVERAGE", "NONE", "NONE_LEGACY"}};
 const Names kHandleTypes = {0, {"AUTO", "ABSOLUTE", "RELATIVE", "TANGENT"}};
 const Names kSplineHandles = {0, {"FREE", "AUTO", "VECTOR", "ALIGNED"}};
@@ -142,13 +147,13 @@ class Entries {
   }
 
   /// The elements of a list; none if there is no such entry.
-  py::sequence sequence(const char* key) {
+  py::tuple sequence(const char* key) {
     const py::handle found = find(key);
-    if (!found) return py::list();
+    if (!found) return py::tuple();
     if (!py::isinstance<py::list>(found) && !py::isinstance<py::tuple>(found)) {
       wrong(where(), std::string("has no list as \"") + key + "\"");
     }
-    return py::reinterpret_borrow<py::sequence>(found);
+    return py::tuple(py::reinterpret_borrow<py::object>(found));  // an element may change the list
   }
 
   /// Throws InputError if there is an entry that nobody has asked for.
@@ -156,7 +161,7 @@ class Entries {
   void done_with(const IsKnown& is_known) const {
     if (read_.size() == dict_.size()) return;
     for (const auto& [key, value] : dict_) {
-      const std::string name = py::str(key);
+      const auto name = cast<std::string>("a key", key);
       if (!is_known(name)) wrong(where(), "has \"" + name + "\", which is unknown");
     }
   }
@@ -177,14 +182,16 @@ class Entries {
   }
 
   /// Appends the numbers of lists in lists, of an array, or a single one.
-  void append(std::string_view key, const py::handle& object, std::vector<float>& numbers) const {
+  void append(std::string_view key, const py::handle& object, std::vector<float>& numbers, int depth = 0) const {
+    if (depth > kMostNested) wrong(where(), "has lists that are nested without end as \"" + std::string(key) + "\"");
+    if (numbers.size() > kMostNumbers) wrong(where(), "has too many numbers as \"" + std::string(key) + "\"");
     if (PyFloat_CheckExact(object.ptr())) {  // as cast() would, faster
       numbers.push_back(static_cast<float>(PyFloat_AS_DOUBLE(object.ptr())));
     } else if (PyBool_Check(object.ptr())) {
       numbers.push_back(object.ptr() == Py_True ? 1.0f : 0.0f);
     } else if (PyList_Check(object.ptr()) || PyTuple_Check(object.ptr())) {
       for (py::ssize_t i = 0; i < PySequence_Fast_GET_SIZE(object.ptr()); ++i) {  // an element may change the list
-        append(key, py::reinterpret_borrow<py::object>(PySequence_Fast_GET_ITEM(object.ptr(), i)), numbers);
+        append(key, py::reinterpret_borrow<py::object>(PySequence_Fast_GET_ITEM(object.ptr(), i)), numbers, depth + 1);
       }
     } else if (py::isinstance<py::array>(object)) {
       with_numbers(key, object, [&](auto all) { numbers.insert(numbers.end(), all.begin(), all.end()); });
@@ -207,8 +214,7 @@ class Entries {
       } catch (const py::cast_error&) {
       }
     }
-    wrong(where(),
-          "has " + std::string(py::repr(object)) + " as \"" + std::string(key) + "\"; expected " + kind_of<T>());
+    wrong(where(), "has " + value_text(object) + " as \"" + std::string(key) + "\"; expected " + kind_of<T>());
   }
 
  private:
@@ -232,10 +238,11 @@ class Reader {
     rig_.name = rig.get<std::string>("name", "");
     rig_.blender = rig.get<int>("blender");
     if (rig.find("world")) rig_.world = columns(rig, "world");
+    check_rig_size(rig.sequence("bones").size(), rig.sequence("objects").size());
     read_matrices(rig);
     read_objects(rig);
     read_values(rig);
-    const py::sequence bones = rig.sequence("bones");
+    const py::tuple bones = rig.sequence("bones");
     rig_.bones.reserve(bones.size());
     for (std::size_t i = 0; i < bones.size(); ++i) name_bone(bones[i], i);
     for (std::size_t i = 0; i < bones.size(); ++i) read_bone(bones[i], i);
@@ -439,10 +446,10 @@ class Reader {
     if (const py::handle bone = entries.find("bone")) {
       target = {RigTarget::Type::bone, bone_named(entries.cast<std::string_view>("bone", bone), where)};
     } else if (const py::handle outside = entries.find("outside")) {
-      const auto found = matrices_.find(py::str(outside));
+      const auto name = entries.cast<std::string>("outside", outside);
+      const auto found = matrices_.find(name);
       if (found == matrices_.end()) {
-        wrong(where,
-              "looks at \"" + std::string(py::str(outside)) + "\", which is not among the matrices from outside");
+        wrong(where, "looks at \"" + name + "\", which is not among the matrices from outside");
       }
       target = {RigTarget::Type::outside, found->second};
     } else if (entries.get<bool>("armature")) {
@@ -708,16 +715,16 @@ class Reader {
     }
   }
 
-  std::vector<StripDescription> strips_of(Entries& owner, int depth) const {
-    constexpr int kMostNested = 100;  // more than a program takes: a list may contain itself
+  std::vector<StripDescription> strips_of(Entries& owner, int depth) {
     if (depth > kMostNested) wrong(owner.where(), "has strips that are nested without end");
     std::vector<StripDescription> strips;
     for (const py::handle object : owner.sequence("strips")) strips.push_back(strip_of(object, depth));
     return strips;
   }
 
-  StripDescription strip_of(const py::handle& object, int depth) const {
+  StripDescription strip_of(const py::handle& object, int depth) {
     Entries entries(object, "a strip");
+    if (++strip_count_ > kMostStrips) wrong("the rig", "has more than " + std::to_string(kMostStrips) + " strips");
     StripDescription strip;
     strip.type = entries.choice("type", kStripTypes, StripType::clip);
     strip.start = entries.get<float>("frame_start");
@@ -795,7 +802,7 @@ class Reader {
 
   /// Names of values from outside.
   static void read_angles(Entries& target, VariableTarget& written) {
-    const py::sequence names = target.sequence("stored_angles");
+    const py::tuple names = target.sequence("stored_angles");
     const bool has_euler = written.order >= RotationMode::xyz;
     if (names.size() != (has_euler ? 3 : 0)) {
       wrong(target.where(),
@@ -814,7 +821,7 @@ class Reader {
     variable.type = entries.choice("type", kVariableTypes, VariableType::property);
     variable.path = entries.get<std::string>("path", "");
     variable.outside = entries.get<std::string>("outside", "");
-    const py::sequence targets = entries.sequence("targets");
+    const py::tuple targets = entries.sequence("targets");
     if (targets.size() > variable.targets.size()) wrong(entries.where(), "has more than two targets");
     for (std::size_t i = 0; i < targets.size(); ++i) {
       Entries target(targets[i], where, ", a variable,");
@@ -838,6 +845,7 @@ class Reader {
   std::unordered_map<std::string, int, Hash, std::equal_to<>> names_;
   std::unordered_map<std::string, int> matrices_;
   std::unordered_map<std::string, int> actions_;
+  std::size_t strip_count_ = 0;
 };
 
 }  // namespace
@@ -863,7 +871,7 @@ py::dict rig_file(const std::filesystem::path& path) {
 
 std::vector<AnimatedValue> animated_values_of(const py::list& rows) {
   std::vector<AnimatedValue> found;
-  for (const py::handle row : rows) found.push_back(Reader::animated_value(row));
+  for (const py::handle row : py::tuple(rows)) found.push_back(Reader::animated_value(row));
   return found;
 }
 

@@ -6,7 +6,7 @@ tests/python/test_stub.py compares this file with the compiled module.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
@@ -1545,9 +1545,11 @@ def transfer_weights(
 class RigProgram:
     """An armature's bones, constraints, drivers and curves, evaluated as Blender does."""
 
-    def __init__(self, description: dict[str, Any] | _Path) -> None:
-        """Checks a description, or the file of one that `sinew rig` has written, and puts it in order. Raises
-        ValueError, which names what is wrong or not covered.
+    def __init__(self, description: dict[str, Any] | _Path, keep_description: bool = True) -> None:
+        """Checks a description, or the file of one that `sinew rig` has written, and puts it in order.
+
+        keep_description: whether it can be pickled, for which it keeps a copy of the description.
+        Raises ValueError, which names what is wrong or not covered.
         """
     @property
     def names(self) -> list[str]:
@@ -1599,7 +1601,8 @@ class RigProgram:
         frames: (F,) times, which may be fractions.
         set: values for paths such as 'pose.bones["Hand"].location', (count,) for all frames or (F, count), and matrices
         from outside by name, (4, 4) or (F, 4, 4); they replace the description's values and curves, and drivers replace
-        them. Raises ValueError for an unknown path, for a wrong shape, and if a driver divides by 0.
+        them. Raises ValueError for an unknown path, for a wrong shape, for a rotation in a mode that its bone or object
+        does not have, which would move nothing, and if a driver divides by 0.
         """
     def convert(self, poses: _Float32, bone: int, from_space: str, to_space: str) -> _Float32:
         """Returns the matrices of a bone in another space, (F, 4, 4) float32, with the bits of Object.convert_space.
@@ -1671,3 +1674,41 @@ def rig_bone_settings() -> list[tuple[str, int]]:
 
 def rig_constraint_settings() -> dict[str, dict[str, tuple[int, str, float, float, float]]]:
     """The settings of each type of constraint, and of each how many numbers it has, their type, default and limits."""
+
+class Task:
+    """A function that runs in a thread of the library's own."""
+
+    def __init__(self, work: Callable[[], Any]) -> None:
+        """Begins at once, and returns. Python waits for it before it ends.
+
+        work: what is called, without arguments. It must not use Blender's data.
+        """
+    @property
+    def is_done(self) -> bool:
+        """Whether the function has returned or raised."""
+    def wait(self, seconds: float | None = None) -> bool:
+        """Waits until the function has returned or raised.
+
+        seconds: at most so long, or None. Returns whether it has.
+        """
+    def result(self) -> Any:
+        """Waits, and returns what the function has returned, or raises what it has raised."""
+
+class DriverExpression:
+    """The expression of a scripted driver, in the part of Python that Blender computes itself. Immutable."""
+
+    def __init__(self, text: str, names: Sequence[str]) -> None:
+        """names: of the variables.
+        Raises ValueError for what is not one of Blender's simple expressions, with the place.
+        """
+    @property
+    def reads_frame(self) -> bool:
+        """Whether it depends on the frame, other than by a variable of that name."""
+    def value(self, variables: Sequence[float], frame: float = 0.0) -> float | None:
+        """Returns the value. None if something is divided by 0 or has no value, such as the root of -1: Blender then
+        switches the driver off.
+
+        variables: a number for each name.
+        frame: the time.
+        Raises ValueError for another number of variables.
+        """

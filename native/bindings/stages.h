@@ -28,9 +28,9 @@ struct StageOfPython {
 };
 
 /// Returns the stages of Stage objects, which must outlive the result.
-inline std::vector<Stage> stages_of(const pybind11::sequence& objects) {
+inline std::vector<Stage> stages_of(const pybind11::tuple& objects) {
   std::vector<Stage> stages;
-  for (const pybind11::object stage : objects) {
+  for (const pybind11::handle stage : objects) {
     if (!pybind11::isinstance<StageOfPython>(stage)) {
       throw InputError("stage " + std::to_string(stages.size()) +
                        " is not a Stage; expected what stage(...) of a Smooth or another stage returns");

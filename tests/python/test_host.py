@@ -300,6 +300,14 @@ def test_a_shortcut_asks_whether_bones_were_copied(posed):
     assert shortcut.has_bones() and shortcut.deform(out.ctypes.data) and not out.any()
 
 
+def test_a_shortcut_without_a_place_for_the_shape():
+    shortcut = host.Shortcut(
+        sinew_native.Deformer(vertex_count=3), [], [], (0,) * 6, [], [], rest_positions=np.zeros((3, 3), np.float32)
+    )
+    with pytest.raises(ValueError, match="out is 0, and there are no shape keys"):
+        shortcut.deform()
+
+
 def test_the_space_between_two_places():
     assert host.space_between(MESH, MESH.copy()) is None
     wanted = np.linalg.inv(MESH.astype(np.float64)) @ ARMATURE

@@ -659,3 +659,118 @@ def test_descriptions_with_anything_in_them():
             except (ValueError, TypeError) as error:
                 assert str(error)
     assert accepted > 50
+
+
+def with_itself():
+    inside = [1.0]
+    inside.append(inside)
+    return inside
+
+
+def very_deep():
+    inside = 1.0
+    for _ in range(20_000):
+        inside = [inside]
+    return inside
+
+
+@pytest.mark.parametrize("made", (with_itself, very_deep))
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda rig, inside: {**rig, "world": inside},
+        lambda rig, inside: {**rig, "bones": [BONE | {"values": inside}]},
+        lambda rig, inside: {**rig, "curves": [{"path": "a", "keys": inside}]},
+        lambda rig, inside: {**rig, "properties": [{"path": '["a"]', "value": inside}]},
+        lambda rig, inside: {**rig, "name": inside},
+        lambda rig, inside: {**rig, "blender": inside},
+        lambda rig, inside: {**rig, "unknown": inside},
+        lambda rig, inside: {**rig, "bones": inside},
+    ],
+)
+def test_lists_in_lists_without_end(spoil, made):
+    """They neither overflow the stack nor fill memory, and raise what is promised."""
+    with pytest.raises(ValueError) as raised:
+        sinew.RigProgram(spoil({"blender": 502}, made()))
+    assert len(str(raised.value)) < 300
+
+
+def test_lists_in_lists_in_an_edit():
+    program = sinew.RigProgram({"blender": 502, "bones": [BONE]})
+    for made in (with_itself, very_deep):
+        with pytest.raises(ValueError, match="nested without end"):
+            program.edited({}, [{"path": 'pose.bones["Arm"].location', "keys": made()}])
+        with pytest.raises(ValueError, match="location"):
+            program.edited({'pose.bones["Arm"].location': made()}, [])
+
+
+def test_strips_in_strips_without_end():
+    strip = {"type": "META", "frame_start": 1, "frame_end": 2}
+    strip["strips"] = [strip]
+    with pytest.raises(ValueError, match="nested without end"):
+        sinew.RigProgram({"blender": 502, "tracks": [{"strips": [strip]}]})
+    inside = {"type": "META", "frame_start": 1, "frame_end": 2}
+    for _ in range(10):
+        inside = {"type": "META", "frame_start": 1, "frame_end": 2, "strips": [inside] * 10}
+    with pytest.raises(ValueError, match="the rig has more than 65536 strips"):
+        sinew.RigProgram({"blender": 502, "tracks": [{"strips": [inside]}]})
+
+
+def test_texts_of_errors_are_short():
+    """And say the beginning and the end, in whole letters."""
+    name = "ä" * 4_000_000
+    for call in (
+        lambda: sinew.RigProgram({"blender": 502, "bones": [BONE | {"parent": name}]}),
+        lambda: sinew.RigProgram({"blender": 502, name: 1}),
+        lambda: sinew.RigProgram({"blender": [1.5] * 1_000_000}),
+        lambda: sinew.RigProgram({"blender": 502}).evaluate(FRAMES, {name: 1}),
+        lambda: sinew.Hook(4).stage(EYE, falloff=name),
+        lambda: sinew.Hook(4, **{name: 1}),
+        lambda: sinew.Hook([1.5] * 1_000_000),
+    ):
+        said = said_of(call, {})
+        assert said and len(said) < 2100 and "\ufffd" not in said
+    assert said_of(sinew.RigProgram, {"description": {"blender": 502, name: 1}}).endswith('", which is unknown')
+
+
+def test_rigs_have_limits():
+    bones, objects = [BONE] * 65_537, [{"name": "a"}] * 65_537
+    with pytest.raises(ValueError, match="the rig has 65,537 bones; expected at most 65,536"):
+        sinew.RigProgram({"blender": 502, "bones": bones})
+    with pytest.raises(ValueError, match="the rig has 65,537 objects; expected at most 65,536"):
+        sinew.RigProgram({"blender": 502, "objects": objects})
+
+
+def unmade(cls):
+    return cls.__new__(cls)
+
+
+@pytest.mark.parametrize("kind", ("None", "unmade"))
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda layer, program: sinew.Deformer([layer]),
+        lambda layer, program: sinew.MixedLayers([layer]),
+        lambda layer, program: sinew.MixedLayers((layer,)),
+        lambda layer, program: sinew.rig_records([(program, FRAMES, np.zeros(0, int), {})], []),
+        lambda layer, program: sinew.RigRecordsAhead([(program, FRAMES, np.zeros(0, int), {})], []),
+        lambda layer, program: sinew.RigProgram.evaluate(program, FRAMES),
+        lambda layer, program: sinew.RigProgram.names.fget(program),
+        lambda layer, program: sinew.Layer.vertex_count.fget(layer),
+        lambda layer, program: sinew.RigRecordsAhead.found(None if program is None else unmade(sinew.RigRecordsAhead)),
+    ],
+)
+def test_neither_none_nor_an_unmade_object_is_an_object(call, kind):
+    """Not in lists and tuples either."""
+    own = (None, None) if kind == "None" else (unmade(sinew.Layer), unmade(sinew.RigProgram))
+    with pytest.raises(TypeError) as raised:
+        call(*own)
+    assert len(str(raised.value)) < 300
+
+
+def test_what_may_be_none_is_none_or_an_object():
+    skin = sinew.Skin.from_dense(POINTS, WEIGHTS)
+    assert sinew.Deformer([sinew.Layer(skin, "linear", bends=None, data=None)], keys=None, stencils=None)
+    for name in ("keys", "stencils"):
+        with pytest.raises(TypeError):
+            sinew.Deformer(**{name: unmade(sinew.ShapeKeys if name == "keys" else sinew.Stencils)})

@@ -163,7 +163,8 @@ def test_all_that_may_be_given_has_a_name(rig):
     assert paths['pose.bones["owner"].constraints["Arm"].targets[0].weight'] == 1
     values = program.values(np.zeros(1), list(paths))
     assert values.shape == (1, sum(paths.values()))
-    given = {path: np.arange(count) if count > 1 else 1 for path, count in paths.items()}
+    others = "rotation_quaternion", "rotation_axis_angle"  # the bones have angles
+    given = {path: np.arange(n) if n > 1 else 1 for path, n in paths.items() if not path.endswith(others)}
     assert program.evaluate(np.zeros(1), given).shape == (1, 2, 4, 4)
     assert program.driven == ['pose.bones["a \\"b\\""].location[2]'] and program.keyed == []
 
@@ -672,3 +673,41 @@ def test_places_that_are_not_there(rig):
 def test_records_of_frames_that_are_no_numbers(rig, frames):
     with pytest.raises(ValueError, match="frames"):
         sinew.rig_records([(sinew.RigProgram(rig), frames, NONE, {})], FIELDS)
+
+
+def in_mode(mode, given, **more):
+    program = sinew.RigProgram({"blender": 502, "bones": [bone("Arm", rotation_mode=mode)], **more})
+    numbers = {"euler": 3, "euler[1]": 1}.get(given, 4)
+    return program.evaluate(
+        np.array([1]), {f'pose.bones["Arm"].rotation_{given}': [0.5] * numbers if numbers > 1 else 0.5}
+    )
+
+
+@pytest.mark.parametrize(
+    "mode, given, name, wanted",
+    [
+        ("QUATERNION", "euler", "euler", "quaternion"),
+        ("QUATERNION", "euler[1]", "euler", "quaternion"),
+        ("QUATERNION", "axis_angle", "axis_angle", "quaternion"),
+        ("AXIS_ANGLE", "quaternion", "quaternion", "axis_angle"),
+        ("ZYX", "quaternion", "quaternion", "euler"),
+    ],
+)
+def test_a_rotation_in_a_mode_that_the_bone_does_not_have(mode, given, name, wanted):
+    said = f"rotation_{name} is given, but the rotation mode is {mode}; give rotation_{wanted}"
+    with pytest.raises(ValueError, match=said):
+        in_mode(mode, given)
+    in_mode(mode, wanted)
+
+
+def test_a_rotation_in_another_mode_that_a_driver_reads():
+    reads = {"name": "a", "path": 'pose.bones["Arm"].rotation_euler[1]'}
+    driver = {"path": 'pose.bones["Arm"].location', "index": 0, "expression": "a", "variables": [reads]}
+    assert in_mode("QUATERNION", "euler", drivers=[driver])[0, 0, 0, 3] == 0.5
+
+
+def test_a_rotation_in_a_mode_that_an_object_does_not_have():
+    program = sinew.RigProgram({"blender": 502, "objects": [{"name": "Cart", "rotation_mode": "QUATERNION"}]})
+    with pytest.raises(ValueError, match="delta_rotation_euler is given, .* is QUATERNION; give delta_rotation_quat"):
+        program.evaluate(np.array([1]), {'objects["Cart"].delta_rotation_euler': [1, 2, 3]})
+    program.evaluate(np.array([1]), {'objects["Cart"].rotation_quaternion': [1, 0, 0, 0]})

@@ -12,7 +12,7 @@ import numpy as np
 from ..native import sinew_native
 from . import custom_properties, reading
 
-CHANNELS = ("location", "rotation_quaternion", "rotation_axis_angle", "rotation_euler", "scale")
+_ROTATIONS = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}
 
 
 @dataclass
@@ -72,7 +72,7 @@ def segments_of(bones: Any) -> np.ndarray:
 
 def program_of(read: reading.Reading) -> Any:
     """Builds the program. Raises ValueError with the reasons why the rig cannot be one."""
-    return sinew_native.RigProgram(read.description)
+    return sinew_native.RigProgram(read.description, keep_description=False)
 
 
 def record_frames(ob: bpy.types.Object, read: reading.Reading, times: Iterable[float]) -> Recording:
@@ -95,12 +95,17 @@ def record_random_poses(ob: bpy.types.Object, read: reading.Reading, count: int,
     return recording
 
 
+def channels_of(bone: bpy.types.PoseBone) -> tuple[str, str, str]:
+    """Returns the names of the channels that move a bone."""
+    return "location", _ROTATIONS.get(bone.rotation_mode, "rotation_euler"), "scale"
+
+
 def randomise(
     ob: bpy.types.Object, read: reading.Reading, source: random.Random
 ) -> Iterator[tuple[str, float | list[float]]]:
     """Yields paths and values of what was set. Driven values are set too: drivers replace them."""
     for bone in ob.pose.bones:
-        for name in CHANNELS:
+        for name in channels_of(bone):
             width = len(getattr(bone, name))
             if name == "scale":
                 values = [source.uniform(0.7, 1.3) for _ in range(width)]

@@ -256,7 +256,7 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
             raise curves.Refused(f"{scene.name} maps its frames to other times")
         read = reading.read(rig.ob, graph, keyed, _seen(rig, graph))
         leaders = leading.leaders_of(rig.ob, read.targets, read.outside, graph)
-        program = sinew_native.RigProgram(read.description)
+        program = sinew_native.RigProgram(read.description, keep_description=False)
         counts = tuple(len(numbers) for _keys, numbers in keyed)
         own, is_posable = settings.of(rig.ob, read.description)
         wanted = [*map(driven_keys.path_of, range(sum(counts))), *(setting.path for setting in own)]

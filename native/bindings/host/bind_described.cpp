@@ -84,6 +84,7 @@ std::optional<py::bytes> bytes_of_list(const Described& described, Address first
   return found;
 }
 
+using PartOfPython = std::pair<std::ptrdiff_t, OrNone<Described>>;
 using ChoiceOfPython = std::tuple<std::ptrdiff_t, std::ptrdiff_t, std::map<int, std::shared_ptr<Described>>>;
 
 }  // namespace
@@ -93,14 +94,13 @@ void bind_described(py::module_& host) {
                                                     "Tells what to read of one of Blender's structs. Immutable.")
       .def(
           py::init([](std::vector<std::pair<std::ptrdiff_t, std::size_t>> regions, std::vector<std::ptrdiff_t> texts,
-                      const std::vector<std::pair<std::ptrdiff_t, std::shared_ptr<Described>>>& structs,
-                      const std::vector<std::pair<std::ptrdiff_t, std::shared_ptr<Described>>>& lists,
+                      const std::vector<PartOfPython>& structs, const std::vector<PartOfPython>& lists,
                       const std::vector<ChoiceOfPython>& choices) {
-            auto described = std::make_shared<Described>(Described{std::move(regions),
-                                                                   std::move(texts),
-                                                                   {structs.begin(), structs.end()},
-                                                                   {lists.begin(), lists.end()},
-                                                                   {}});
+            auto described = std::make_shared<Described>();
+            described->regions = std::move(regions);
+            described->texts = std::move(texts);
+            for (const auto& [offset, part] : structs) described->structs.emplace_back(offset, part.value_or(nullptr));
+            for (const auto& [offset, part] : lists) described->lists.emplace_back(offset, part.value_or(nullptr));
             for (const auto& [kind, address, kinds] : choices) {
               described->choices.push_back({kind, address, {kinds.begin(), kinds.end()}});
             }

@@ -153,9 +153,13 @@ py::array_t<std::int64_t> list_addresses(Address first, std::ptrdiff_t count) {
 bool is_any_flat(const py::array_t<float, py::array::c_style>& motions,
                  const py::array_t<std::int32_t, py::array::c_style>& first_joints,
                  const py::array_t<std::int32_t, py::array::c_style>& joint_counts) {
+  require_shape("motions", motions, "(J, 4, 4)");
   const auto firsts = first_joints.unchecked<1>(), counts = joint_counts.unchecked<1>();
+  if (counts.shape(0) != firsts.shape(0))
+    throw InputError("first_joints and joint_counts need one number per bone each");
   for (py::ssize_t b = 0; b < firsts.shape(0); ++b) {
     if (firsts(b) < 0 || counts(b) < 2) continue;
+    if (counts(b) > motions.shape(0) - firsts(b)) throw InputError("motions has too few matrices for the joints");
     for (std::int32_t j = firsts(b); j < firsts(b) + counts(b); ++j) {
       if (is_nearly_flat(motions.data(j, 0, 0))) return true;
     }

@@ -168,7 +168,7 @@ class Shortcut {
         layout_{layout[0], layout[1], {layout[2], layout[3], layout[4], layout[5]}},
         places_(std::move(places)),
         stage_owners_(py::list(stages)),
-        stages_(stages_of(stage_owners_)),
+        stages_(stages_of(py::tuple(stage_owners_))),
         rest_owner_(rest_positions),
         milliseconds_(deformer_.step_count(stages_.size()) + 1, 0.0) {
     const std::vector<const Layer*> layers = all_layers();
@@ -248,6 +248,7 @@ class Shortcut {
       keys_.read_values();
       if (positions == nullptr) positions = points;
     }
+    if (positions == nullptr) throw InputError("out is 0, and there are no shape keys; pass an address");
     const auto count = static_cast<std::size_t>(3 * deformer_.result_count());
     milliseconds_[0] = watch.milliseconds();
     const std::span<const LayerPose> own(poses_.data(), deformer_.layers().size());

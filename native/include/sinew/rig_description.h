@@ -7,9 +7,11 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -165,6 +167,9 @@ struct RigTarget {
 };
 
 enum class RotationMode : signed char { axis_angle = -1, quaternion, xyz, xzy, yxz, yzx, zxy, zyx };
+/// Blender's names of them, in this order.
+inline constexpr std::array<std::string_view, 8> kRotationModeNames = {"AXIS_ANGLE", "QUATERNION", "XYZ", "XZY",
+                                                                       "YXZ",        "YZX",        "ZXY", "ZYX"};
 enum class InheritScale : std::uint8_t { full, fix_shear, aligned, average, none, none_legacy };
 enum class HandleType : std::uint8_t { automatic, absolute, relative, tangent };
 
@@ -387,6 +392,13 @@ struct RigDescription {
   std::vector<DriverDescription> drivers;
   std::vector<std::string> refused;  ///< what the description cannot say, each as a reason; a program is then refused
 };
+
+/// A rig has at most this many bones, and as many objects.
+inline constexpr std::size_t kMostBones = 65'536;
+inline constexpr std::size_t kMostObjects = 65'536;
+
+/// Throws InputError for more than that. Call it before a description of that size is made.
+void check_rig_size(std::size_t bones, std::size_t objects);
 
 /// The settings of a type of constraint.
 std::span<const RigSetting> constraint_settings(ConstraintType type);

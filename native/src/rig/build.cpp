@@ -192,7 +192,17 @@ void assign_constraints(Program& program) {
   }
 }
 
-void add_object(const RigDescription& rig, int index, Program& program) {
+/// Of each matrix, the first object that puts its world matrix there, or -1.
+std::vector<int> owners_of_matrices(const RigDescription& rig) {
+  std::vector<int> owners(rig.matrices.size(), -1);
+  for (std::size_t i = 0; i < rig.objects.size(); ++i) {
+    const int matrix = rig.objects[i].matrix;
+    if (matrix >= 0 && matrix < std::ssize(owners) && owners[matrix] < 0) owners[matrix] = static_cast<int>(i);
+  }
+  return owners;
+}
+
+void add_object(const RigDescription& rig, int index, std::span<const int> owners, Program& program) {
   const ObjectDescription& given = rig.objects[index];
   const std::string text = "object \"" + given.name + "\"";
   const int matrices = static_cast<int>(rig.matrices.size());
@@ -205,12 +215,12 @@ void add_object(const RigDescription& rig, int index, Program& program) {
   for (const int own : {given.local, given.basis}) {
     if (own < -1 || own >= matrices) fail(text, " has matrix ", own, "; expected -1 to ", matrices - 1);
   }
-  for (int other = 0; other < static_cast<int>(rig.objects.size()); ++other) {
-    const int matrix = rig.objects[other].matrix;
-    if (matrix == given.local || matrix == given.basis) fail(text, " has the matrix of an object in another space");
-    if (other < index && matrix == given.matrix) fail(text, " has the matrix of another object");
-    if (other >= index && matrix == given.parent) fail(text, " comes before its parent; sort the objects");
+  const auto object_of = [&](int matrix) { return matrix < 0 ? -1 : owners[matrix]; };
+  if (object_of(given.local) >= 0 || object_of(given.basis) >= 0) {
+    fail(text, " has the matrix of an object in another space");
   }
+  if (object_of(given.matrix) != index) fail(text, " has the matrix of another object");
+  if (object_of(given.parent) >= index) fail(text, " comes before its parent; sort the objects");
   check_finite(given.parent_inverse, "the parent inverse matrix of " + text);
   program.objects.push_back({program.map.first_of_object(index), given.matrix, given.parent, given.local, given.basis,
                              matrix_of(given.parent_inverse), given.rotation_mode});
@@ -313,6 +323,7 @@ void store_in_order(Program& program) {
 }
 
 void check_description(const RigDescription& rig) {
+  check_rig_size(rig.bones.size(), rig.objects.size());
   if (!rig.refused.empty()) {
     const std::size_t others = rig.refused.size() - 1;
     fail(rig.refused.front(), others ? ", and " + plural(static_cast<long long>(others), "other reason") : "");
@@ -354,7 +365,8 @@ Program build_program(const RigDescription& rig) {
   for (int i = 0; i < static_cast<int>(rig.bones.size()); ++i) add_bone(rig, i, program);
   for (int i = 0; i < static_cast<int>(rig.constraints.size()); ++i) add_constraint(rig, i, program);
   for (const OutsideMatrix& matrix : rig.matrices) program.outside.push_back(matrix_of(matrix.matrix));
-  for (int i = 0; i < static_cast<int>(rig.objects.size()); ++i) add_object(rig, i, program);
+  const std::vector<int> owners = owners_of_matrices(rig);
+  for (int i = 0; i < static_cast<int>(rig.objects.size()); ++i) add_object(rig, i, owners, program);
   for (int i = 0; i < static_cast<int>(rig.splines.size()); ++i) add_spline(rig, i, program);
   for (const AnimatedValue& curve : rig.curves) program.curves.push_back(curve_of(curve, program));
   program.nla = build_nla(rig, program.map);

@@ -1,5 +1,6 @@
 #include "rig/expression.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "rig/expression_functions.h"
@@ -29,6 +30,8 @@ bool holds(Expression::Comparison comparison, double a, double b) {
 
 Expression::Expression(std::string_view text, std::span<const std::string> names)
     : steps_(parsed_expression(text, names)) {}
+
+bool Expression::reads_frame() const { return std::ranges::find(steps_, Code::frame, &Step::code) != steps_.end(); }
 
 Expression::Result Expression::value(std::span<const float> variables, double frame) const {
   double stack[1 + kExpressionDepth];  // the first is below what counts

@@ -25,6 +25,9 @@ class Expression {
   /// Throws InputError for what is not a simple expression, with the place.
   Expression(std::string_view text, std::span<const std::string> names);
 
+  /// Whether it depends on the frame, other than by a variable of that name.
+  bool reads_frame() const;
+
   /// variables  in the order of their names.
   Result value(std::span<const float> variables, double frame) const;
 
