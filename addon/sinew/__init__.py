@@ -1,6 +1,6 @@
 """Sinew: skeletal deformation with a native core. This file is the list of its modules."""
 
-import sys
+import importlib
 
 bl_info = {  # for Blender 3.4; later versions read blender_manifest.toml
     "name": "Sinew",
@@ -13,19 +13,12 @@ bl_info = {  # for Blender 3.4; later versions read blender_manifest.toml
 }
 
 
-def _forget_older_version():
-    """Unloads the modules of an older version that this one was installed over. The compiled module stays, since it
-    cannot be loaded twice."""
-    for name in [name for name in sys.modules if name.startswith(f"{__name__}.")]:
-        if not name.endswith(".sinew_native"):
-            del sys.modules[name]
-            globals().pop(name.rpartition(".")[2], None)
-
-
 def _modules():
     """Returns the modules in the order in which they are registered."""
     from . import native
 
+    if native.VERSION != ".".join(map(str, bl_info["version"])):  # that of an older one, which is still loaded
+        native = importlib.reload(native)  # it says that Blender has to be restarted
     if native.sinew_native is None:
         from . import without_native
 
@@ -87,7 +80,6 @@ def _modules():
     )
 
 
-_forget_older_version()
 MODULES = _modules()
 
 

@@ -8,16 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sinew_native
 
 ADDON = Path(__file__).resolve().parents[2] / "addon" / "sinew"
 package = sys.modules["sinew_alone"] = types.ModuleType("sinew_alone")
 package.__path__ = [str(ADDON)]
+native = sys.modules["sinew_alone.native"] = types.ModuleType("sinew_alone.native")
+native.sinew_native = sinew_native
 drivers = importlib.import_module("sinew_alone.plan.drivers")
 
 
 def value(expression, **variables):
-    code = drivers.compiled(expression, list(variables))
-    return drivers.value("SCRIPTED", code, list(variables), list(variables.values()))
+    return drivers.value("SCRIPTED", drivers.compiled(expression, list(variables)), list(variables.values()))
 
 
 @pytest.mark.parametrize(
@@ -35,6 +37,7 @@ def value(expression, **variables):
         ("0.2 < var <= 0.25 and not other < 3", 1),
         ("True", 1),
         (" pow(var, 0.5) ", 0.5),
+        ("round(other / 2)", 2),
     ],
 )
 def test_expressions_that_blender_evaluates_without_python(expression, expected):
@@ -54,8 +57,10 @@ def test_expressions_that_blender_evaluates_without_python(expression, expected)
         "gone + 1",
         "var ** 9",
         "clamp(x=var)",
-        "round(var)",
         "sin",
+        "",
+        "var +",
+        "\0",
     ],
 )
 def test_other_expressions_are_left_to_blender(expression):
@@ -63,24 +68,20 @@ def test_other_expressions_are_left_to_blender(expression):
         drivers.compiled(expression, ["var"])
 
 
-def test_expressions_that_cannot_be_read_or_depend_on_the_frame():
-    for expression in ("", "var +", "\0"):
-        with pytest.raises(ValueError, match="cannot be read"):
-            drivers.compiled(expression, ["var"])
+def test_expressions_that_depend_on_the_frame():
     with pytest.raises(ValueError, match="depends on the frame: use keyframes instead"):
         drivers.compiled("frame / 100", ["var"])
     assert value("frame", frame=3.0) == 3
 
 
 def test_an_expression_without_a_value():
-    with pytest.raises(ArithmeticError):
-        value("1 / var", var=0.0)
-    with pytest.raises(ValueError, match="math domain error|nonnegative"):
-        value("sqrt(var)", var=-1.0)
+    for expression, number in (("1 / var", 0.0), ("sqrt(var)", -1.0)):
+        with pytest.raises(ArithmeticError, match="divides by 0 or has no value"):
+            value(expression, var=number)
 
 
 def test_what_is_folded():
     numbers = [1e8, 3.0, -1e8]  # summed in float32, in this order
     for kind, expected in (("SUM", 0), ("AVERAGE", 0), ("MIN", -1e8), ("MAX", 1e8)):
-        assert drivers.value(kind, None, ["a", "b", "c"], numbers) == expected
-        assert drivers.value(kind, None, [], []) == 0
+        assert drivers.value(kind, None, numbers) == expected
+        assert drivers.value(kind, None, []) == 0

@@ -5,7 +5,6 @@ The hook has copies of the drivers' variables, which Blender evaluates before it
 
 import ctypes
 import math
-from types import CodeType
 from typing import Any
 
 from ..host import contract
@@ -32,10 +31,9 @@ class _Setting:
         self._curve = ob.animation_data.drivers.find(wiring.path_of(modifier, name))
         driver = self._curve.driver
         self._kind = driver.type
-        self._names = [variable.name for variable in driver.variables]
-        self._code: CodeType | None = None
+        self._expression: Any = None
         if self._kind == "SCRIPTED":
-            self._code = drivers.compiled(driver.expression, self._names)
+            self._expression = drivers.compiled(driver.expression, [each.name for each in driver.variables])
         self._addresses = [contract.region(copy, "DriverVar", "curval")[0] for copy in copies]
         self._rna = modifier.bl_rna.properties[name]
 
@@ -46,9 +44,9 @@ class _Setting:
         if not all(map(math.isfinite, numbers)):
             raise LeaveToBlender(f"a variable of the driver of {self.name} is not a number")
         try:
-            number = driven.mapped(self._curve, drivers.value(self._kind, self._code, self._names, numbers))
+            number = driven.mapped(self._curve, drivers.value(self._kind, self._expression, numbers))
             return self._as_property(number)
-        except (ArithmeticError, ValueError, TypeError) as error:
+        except (ArithmeticError, ValueError) as error:
             raise LeaveToBlender(f"the driver of {self.name} has no value") from error
 
     def _as_property(self, number: float) -> Any:

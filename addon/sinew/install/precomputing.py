@@ -1,7 +1,6 @@
-"""Computes, in a thread, the data that a skinning method needs once for each mesh."""
+"""Computes, in a thread of the library, the data that a skinning method needs once for each mesh."""
 
 import logging
-import threading
 
 import bpy
 import numpy as np
@@ -22,7 +21,7 @@ class Impossible(ValueError):
 
 
 class Job:
-    """One computation in its own thread."""
+    """One computation in a thread of its own."""
 
     def __init__(self, ob, layer, method):
         """Starts the thread. layer: layers.Layer; method: methods.Method, one that is precomputed."""
@@ -38,8 +37,7 @@ class Job:
             except Exception as error:
                 self.error = error
 
-        self.thread = threading.Thread(target=run, name=f"Sinew: {self.name}")
-        self.thread.start()
+        self.task = sinew_native.Task(run)
 
 
 def lacks(ob: bpy.types.Object) -> str:
@@ -66,7 +64,7 @@ def start(ob: bpy.types.Object) -> None:
         raise Impossible(f"Nothing can be computed for {ob.name}: {reason}")
     job = Job(ob, entry.layers[0], entry.method)
     if bpy.app.background:
-        job.thread.join()
+        job.task.wait()
         _finish(job)
         bpy.context.view_layer.update()
         return
@@ -93,13 +91,13 @@ def forget() -> None:
     """Cancels all jobs and waits for them, before another file is opened or the add-on is switched off."""
     for job in _jobs.values():
         job.progress.cancel()
-        job.thread.join()
+        job.task.wait()
     _jobs.clear()
 
 
 def _look():
     """Finishes the jobs whose threads have ended. A timer: returns the seconds to its next call, or None."""
-    for job in [job for job in _jobs.values() if not job.thread.is_alive()]:
+    for job in [job for job in _jobs.values() if job.task.is_done]:
         del _jobs[job.key]
         _finish(job)
     notice.redraw()

@@ -19,6 +19,7 @@ import threading
 import bpy
 
 from ..blender import values
+from ..native import sinew_native
 from ..run import mail
 from . import callbacks
 
@@ -34,16 +35,17 @@ class _Reading:
 
     def __init__(self):
         self.has_begun, self.may_end = threading.Event(), threading.Event()
-        # The window manager is looked up here, since bpy.context belongs to this thread.
-        self._thread = threading.Thread(target=_have_it_wait, args=(bpy.context.window_manager,), daemon=True)
+        self._task = None
 
     def begin(self) -> None:
-        self._thread.start()
+        manager = bpy.context.window_manager  # bpy.context belongs to this thread
+        self._task = sinew_native.Task(lambda: _have_it_wait(manager))
         self.has_begun.wait(SECONDS)
 
     def end(self) -> None:
         self.may_end.set()
-        self._thread.join(SECONDS)
+        if self._task is not None:
+            self._task.wait(SECONDS)
 
 
 def _have_it_wait(manager):

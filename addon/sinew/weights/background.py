@@ -1,6 +1,5 @@
-"""Runs computations in threads of their own, for the interface. They must not touch Blender's data."""
+"""Runs computations in threads of the library, for the interface. They must not touch Blender's data."""
 
-import threading
 from collections.abc import Callable, Generator
 from typing import Any
 
@@ -13,7 +12,7 @@ class Latest:
     def __init__(self) -> None:
         self.result: Any = None  # of the newest that has ended; an error, if it raised one
         self._progress: Any = None  # of the one that runs
-        self._thread: threading.Thread | None = None
+        self._task: Any = None  # sinew_native.Task, of the newest
 
     def begin(self, work: Callable[[Any], Any]) -> None:
         """Runs work(progress), with a sinew_native.Progress."""
@@ -28,8 +27,7 @@ class Latest:
             if self._progress is progress:
                 self.result, self._progress = result, None
 
-        self._thread = threading.Thread(target=run, name="Sinew: weights")
-        self._thread.start()
+        self._task = sinew_native.Task(run)
 
     @property
     def fraction(self) -> float | None:
@@ -39,8 +37,8 @@ class Latest:
 
     def wait(self, seconds: float | None = None) -> bool:
         """Waits for the newest, at most so long if told. Returns whether it has ended."""
-        if self._thread is not None:
-            self._thread.join(seconds)
+        if self._task is not None:
+            self._task.wait(seconds)
         return self._progress is None
 
     def cancel(self) -> None:
