@@ -409,6 +409,15 @@ def test_ghosts_keep_no_pose_that_the_store_has_dropped(cast, settings):
     assert pose() is None
 
 
+def test_with_its_poses_a_rig_drops_its_shapes(cast, settings):
+    toggle(cast)
+    cast.record()
+    skins = cast.rig.skins
+    assert len(skins.shapes) == 2 and skins.seen
+    cast.rig.clear()
+    assert not skins.shapes and not skins.seen
+
+
 def test_what_cannot_be_drawn_any_more_leaves_the_graphics_card(cast, settings, monkeypatch):
     settings.before, settings.after, settings.step = 2, 2, 1
     drawing = addon_module("onion.ghost_drawing")

@@ -6,7 +6,7 @@ import pytest
 
 from helpers import addon_module, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, cast, wait  # noqa: F401
-from test_frozen import EDITS, layer, recorded
+from test_frozen import EDITS, edit_rest, layer, recorded
 from test_frozen_who import both
 
 pytestmark = needs_rig_programs
@@ -46,7 +46,9 @@ def test_they_are_where_the_bones_go(cast, edit):  # noqa: F811
         layer().update()
         wait(cast)
     found = paths(cast.frozen[0], 4)
-    if cast.rig.source.program is None or not cast.rig.is_idle:  # the edit keeps it live
+    is_live = cast.rig.source.program is None or not cast.rig.is_idle
+    assert is_live == (edit is edit_rest)  # which keeps it so
+    if is_live:
         assert found == []
         return
     wanted = heads(cast.live[0], range(1, 8))

@@ -1,6 +1,8 @@
 """On a frame in which nothing but the pose has changed Sinew takes the fast path. Whatever people do, it must not be
 gone once too often: each edit is made while it is in use, and the shape is compared with the twin's."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -426,3 +428,24 @@ def test_another_pose_than_was_thought(in_use):
     play(scene, 6)
     assert entry.status.error == "" and goes_it(ob)
     assert_same_shape(ob, twin)
+
+
+def test_what_is_used_in_vain_is_made_ever_less_often(monkeypatch):
+    """A shortcut that the next frame cannot use has to wait for twice as many frames that are alike, up to 16."""
+    module = addon_module("run.fast_path")
+    frame = SimpleNamespace(chain=SimpleNamespace(deformer=object()), plan=object())
+    useless = SimpleNamespace(run=lambda _ob: False)
+    monkeypatch.setattr(module, "_is_plain", lambda *_: True)
+    monkeypatch.setattr(module, "Shortcut", lambda *_: useless)
+    path, counts = module.FastPath(frame), []
+    for _ in range(6):
+        counts.append(0)
+        while path.shortcut is None:
+            path.learn(None)
+            counts[-1] += 1
+        assert not path.run(None) and path.shortcut is None
+    assert counts == [3, 4, 8, 16, 16, 16]
+    frame.plan = object()
+    path.learn(None)
+    path.learn(None)
+    assert path.shortcut is not None  # after an edit it begins anew
