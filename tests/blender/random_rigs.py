@@ -99,7 +99,16 @@ def features_of(seed):
         }
         for kind, count in counts.items():
             found += [Feature(kind, bone, source.getrandbits(32)) for _ in range(int(count))]
-    return found
+    return [*found, *features_of_chains(source)]
+
+
+def features_of_chains(source):
+    """What is tried with the bones of IK chains: on others it has no effect."""
+    for bone in range(1, BONES):
+        counts = {"in chain": source.random() < 0.2, "goal": source.random() < 0.08}
+        for kind, count in counts.items():
+            if count:
+                yield Feature(kind, bone, source.getrandbits(32))
 
 
 def name_of(bone):
@@ -236,9 +245,12 @@ def add_constraint(ob, number, source):
     bone = ob.pose.bones[name_of(number)]
     if makes_cycle(bone, source):
         return
-    kind = source.choice(TYPES)
-    constraint = bone.constraints.new(kind)
+    set_up(ob, bone.constraints.new(source.choice(TYPES)), number, source)
 
+
+def set_up(ob, constraint, number, source, bone=None):
+    """Sets a new constraint up. bone: what it looks at; None: any of those before it."""
+    kind = constraint.type
     target = ob, name_of(source.randrange(number))
     if kind == "ARMATURE":
         for _ in range(source.randint(1, 3)):
@@ -246,7 +258,7 @@ def add_constraint(ob, number, source):
             each.target, each.subtarget = ob, name_of(source.randrange(number))
             each.weight = source.random()
     elif hasattr(constraint, "target"):
-        constraint.target, constraint.subtarget = target = any_target(ob, number, source)
+        constraint.target, constraint.subtarget = target = (ob, bone) if bone else any_target(ob, number, source)
     set_settings(constraint, source)
     special = SPECIAL.get(kind)
     if special:
@@ -329,6 +341,40 @@ def add_ik(ob, number, source):
         each["in_chain"] = root
         set_ik(each, source)
     bone["in_chain"] = root
+
+
+def add_in_chain(ob, number, source):
+    """A constraint of a bone of an IK chain that looks at one above it in the chain, or at the goal of the chain."""
+    bone = ob.pose.bones[name_of(number)]
+    root = bone.get("in_chain")
+    others = [each.name for each in bone.parent_recursive if each.get("in_chain") == root]
+    others += goals_of(ob, root)
+    if root is None or not others:
+        return
+    constraint = bone.constraints.new(source.choice([kind for kind in TYPES if kind != "ARMATURE"]))
+    set_up(ob, constraint, number, source, source.choice(others))
+
+
+def add_goal(ob, number, source):
+    """Has an IK chain reach for a child of it, or has its goal look at a bone of it."""
+    bone = ob.pose.bones[name_of(number)]
+    chain = [each for each in ob.pose.bones if each.get("in_chain") == bone.get("in_chain", "")]
+    children = [each.name for each in ob.pose.bones if each.parent in chain and each not in chain]
+    constraint = next((each for each in bone.constraints if each.type == "IK"), None)
+    if constraint is None or constraint.target != ob:
+        return
+    if children and source.random() < 0.5:
+        constraint.subtarget = source.choice(children)
+    elif int(constraint.subtarget[1:]):
+        goal = ob.pose.bones[constraint.subtarget]
+        limit = goal.constraints.new(source.choice(("LIMIT_DISTANCE", "COPY_LOCATION", "CHILD_OF")))
+        set_up(ob, limit, int(goal.name[1:]), source, source.choice(chain).name)
+
+
+def goals_of(ob, root):
+    """The bones for which the chains reach that begin at a bone."""
+    chains = [each for bone in ob.pose.bones if bone.get("in_chain") == root for each in bone.constraints]
+    return [each.subtarget for each in chains if each.type == "IK" and each.target == ob]
 
 
 def set_ik(bone, source):
@@ -510,6 +556,8 @@ FEATURES = {
     "inheritance": add_inheritance,
     "bend": add_bend,
     "ik": add_ik,
+    "in chain": add_in_chain,
+    "goal": add_goal,
     "constraint": add_constraint,
     "driver": add_driver,
     "keys": add_keys,

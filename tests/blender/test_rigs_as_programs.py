@@ -131,6 +131,71 @@ def test_rigs_that_once_differed(seed, features):
     assert random_rigs.differences_of(seed, features) == []
 
 
+@pytest.fixture
+def arm(fresh_scene):
+    """bone1 to bone3, which follow the bone goal by IK, below bone0 and with the children bone4 and side. All move."""
+    ob = make_armature()
+    bpy.ops.object.mode_set(mode="EDIT")
+    goal = ob.data.edit_bones.new("goal")
+    goal.head, goal.tail = (0.8, 0.1, 3), (0.8, 0.1, 3.5)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    constraint = ob.pose.bones["bone3"].constraints.new("IK")
+    constraint.target, constraint.subtarget, constraint.chain_count = ob, "goal", 3
+    source = Random(5)
+    for bone in ob.pose.bones:
+        for frame in (1, 20, 44):
+            bone.location = [source.uniform(-0.3, 0.3) for _ in range(3)]
+            bone.rotation_quaternion = (1, *(source.uniform(-0.4, 0.4) for _ in range(3)))
+            bone.keyframe_insert("location", frame=frame)
+            bone.keyframe_insert("rotation_quaternion", frame=frame)
+    return ob
+
+
+def assert_computed(ob):
+    """What a goal reads of its own chain is in Blender that of the frame before if a thread comes too late: now and
+    then here, always with one thread alone."""
+    read = reading().read(ob)
+    program = checking().program_of(read)
+    for time in FRAMES:
+        repeated = (checking().record_frames(ob, read, [time]) for _ in range(50))
+        assert any(not checking().differences(program, recorded) for recorded in repeated), time
+
+
+WITHIN_CHAINS = [("bone3", "COPY_ROTATION", "bone1"), ("bone2", "COPY_SCALE", "goal"), ("bone1", "CHILD_OF", "goal")]
+OF_GOALS = [("LIMIT_DISTANCE", "bone1"), ("LIMIT_DISTANCE", "bone3"), ("COPY_TRANSFORMS", "bone2")]
+
+
+@pytest.mark.parametrize("mute", (False, True))
+@pytest.mark.parametrize("name, kind, target", WITHIN_CHAINS)
+def test_constraints_within_a_chain(arm, name, kind, target, mute):
+    constraint = arm.pose.bones[name].constraints.new(kind)
+    constraint.target, constraint.subtarget, constraint.mute, constraint.influence = arm, target, mute, 0.5
+    assert differences(arm) == []
+
+
+@pytest.mark.parametrize("mute", (False, True))
+@pytest.mark.parametrize("kind, target", OF_GOALS)
+def test_goals_that_look_at_their_chain(arm, kind, target, mute):
+    constraint = arm.pose.bones["goal"].constraints.new(kind)
+    constraint.target, constraint.subtarget, constraint.mute, constraint.influence = arm, target, mute, 0.7
+    if kind == "LIMIT_DISTANCE":
+        constraint.distance = 0.6
+    assert differences(arm) == [] if mute else assert_computed(arm) is None
+
+
+@pytest.mark.parametrize("goal", ("side", "bone4"))
+def test_goals_that_are_children_of_their_chain(arm, goal):
+    arm.pose.bones["bone3"].constraints["IK"].subtarget = goal
+    assert_computed(arm)
+
+
+def test_chains_that_share_bones(arm):
+    """The goal of the chain further down is moved by the one above it."""
+    constraint = arm.pose.bones["bone4"].constraints.new("IK")
+    constraint.target, constraint.subtarget, constraint.chain_count = arm, "side", 2
+    assert differences(arm) == []
+
+
 def test_goals_of_rotation(armature):
     """Within rounding, where the chain reaches them."""
     other = bpy.data.objects.new("Goal", None)

@@ -375,6 +375,7 @@ Program build_program(const RigDescription& rig) {
   assign_constraints(program);
   program.trees = find_trees(program.bones, program.constraints, program.map);
   for (Tree& tree : program.trees) add_plans(program, tree);
+  program.solves = find_solves(program);
   add_chains(rig, program);
   program.order = put_in_order(program);
   store_in_order(program);

@@ -107,12 +107,10 @@ std::vector<IkPlan> plans_of_combination(const Program& program, const Tree& tre
   std::vector<Root> roots;
   for (std::size_t owner = 0; owner < ends.size(); ++owner) {
     const int begin = owner == 0 ? 0 : tree.owners[owner - 1];
-    int tip = program.constraints[tree.constraints[begin]].bone;
     for (int i = begin; i < ends[owner]; ++i) {
       const int number = tree.constraints[i];
-      // A second constraint without "use tail" begins one bone further up.
-      if (setting(program, number, kIkUseTail) == 0 && program.bones[tip].parent >= 0) tip = program.bones[tip].parent;
-      add_chain(program, roots, ik_chain(program.bones, tip, setting(program, number, kIkChainLength)), number);
+      const int count = setting(program, number, kIkChainLength);
+      add_chain(program, roots, ik_chain(program.bones, tree.tips[i], count), number);
     }
   }
   std::vector<IkPlan> plans;

@@ -11,6 +11,9 @@ namespace sinew::rig {
 /// in.
 std::vector<Tree> find_trees(std::vector<Bone>& bones, const std::vector<Constraint>& constraints, const ValueMap& map);
 
+/// Finds what is solved at once in trees, from Program::trees.
+std::vector<Solve> find_solves(const Program& program);
+
 /// Sorts bones, drivers, trees, chains and B-bones' segments. Throws InputError for a cycle, and names what is in it.
 std::vector<Operation> put_in_order(const Program& program);
 

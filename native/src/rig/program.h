@@ -133,9 +133,17 @@ struct IkPlan {
 struct Tree {
   std::vector<int> bones;
   std::vector<int> constraints;  ///< bone after bone
+  std::vector<int> tips;         ///< of each constraint, the bone at which its chain ends
   std::vector<int> owners;       ///< of each bone that has some, where they end in `constraints`
   /// What is solved one after the other, for each combination of constraints that act: see ik_plan.h.
   std::vector<std::vector<IkPlan>> plans;
+};
+
+/// The chains of a tree that begin at the same bone.
+struct Solve {
+  int tree = 0;
+  int root = 0;
+  std::vector<int> bones;  ///< of these chains; of each, parents first
 };
 
 struct ShapeOfSpline {
@@ -170,7 +178,7 @@ struct Chain {
 struct Operation {
   enum class Type : std::uint8_t { bone, driver, tree, segments, chain };
   Type type;
-  int index;
+  int index;      ///< of a tree, in Program::solves
   int level = 0;  ///< how many trees come before it, one needing the other
 };
 
@@ -189,6 +197,7 @@ struct Program {
   std::vector<Mat4> outside;
   std::vector<MovingObject> objects;  ///< parents first
   std::vector<Tree> trees;
+  std::vector<Solve> solves;
   std::vector<Spline> splines;
   std::vector<Chain> chains;
   std::vector<Operation> order;

@@ -20,7 +20,7 @@ State::State(const Program& program)
       kept_channels(program.bones.size()),
       rest_shapes(program.bendy_count),
       bindings(program.binding_count),
-      is_posed(program.bones.size()) {
+      posed_in(program.bones.size()) {
   for (const ValueInfo& value : program.map.values()) base.push_back(value.initial);
   values = base;
   std::size_t most = 0;

@@ -54,6 +54,7 @@ struct Binding {
 /// A tree that is being solved.
 struct TreeWork {
   const std::vector<IkPlan>* plans = nullptr;
+  int root = 0;          ///< only plans that begin there count
   std::size_t next = 0;  ///< plan
   bool is_solving = false;
   IkTree settings;
@@ -119,8 +120,8 @@ struct State {
   std::vector<KeptChannels> kept_channels;
   std::vector<RestShape> rest_shapes;
   std::vector<Binding> bindings;
-  std::vector<char> is_posed;       ///< of the bones of the tree that is being solved
-  std::vector<TreeWork> tree_work;  ///< of trees that are solved at the same time
+  std::vector<std::uint32_t> posed_in;  ///< of the bones of trees: the pass in which a solver has last begun with it
+  std::vector<TreeWork> tree_work;      ///< of trees that are solved at the same time
   std::vector<IkTreeSolver*> ik_solvers;
   std::vector<DampedLeastSquares*> ik_systems;
 

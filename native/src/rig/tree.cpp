@@ -14,13 +14,13 @@ bool is_acting(const State& state, const Constraint& constraint) {
   return state.values[constraint.values + kInfluence] != 0 && state.values[constraint.values + kMuted] == 0;
 }
 
-/// Computes a bone of the tree after its parents in the tree, once.
+/// Computes a bone of the tree after its parents in the tree, once in a frame.
 void ensure_posed(const Program& program, State& state, int index) {
-  if (state.is_posed[index]) return;
+  if (state.posed_in[index] == state.pass) return;
   const int parent = program.bones[index].parent;
   if (parent >= 0 && program.bones[parent].tree == program.bones[index].tree) ensure_posed(program, state, parent);
   pose_bone(program, state, index);
-  state.is_posed[index] = 1;
+  state.posed_in[index] = state.pass;
 }
 
 void fill_bone(const Program& program, const State& state, int index, IkBone& written) {
@@ -79,6 +79,7 @@ void finish(const Program& program, State& state, TreeWork& work) {
   for (std::size_t i = 0; i < plan.bones.size(); ++i) {
     state.poses[plan.bones[i]] = work.poses[i];
     update_tail(program, state, plan.bones[i]);
+    posed_parent(program, state, plan.bones[i]);  // for what is solved next
   }
 }
 
@@ -86,6 +87,7 @@ void finish(const Program& program, State& state, TreeWork& work) {
 bool begin_next(const Program& program, State& state, TreeWork& work) {
   while (work.next < work.plans->size()) {
     const IkPlan& plan = (*work.plans)[work.next++];
+    if (plan.bones.front() != work.root) continue;
     for (const int bone : plan.bones) ensure_posed(program, state, bone);
     const bool acts = std::ranges::any_of(
         plan.constraints, [&](int constraint) { return is_acting(state, program.constraints[constraint]); });
@@ -103,12 +105,13 @@ bool begin_next(const Program& program, State& state, TreeWork& work) {
 void solve_trees(const Program& program, State& state, std::span<const Operation> trees) {
   const std::span<TreeWork> all(state.tree_work.data(), trees.size());
   for (std::size_t i = 0; i < trees.size(); ++i) {
-    const Tree& tree = program.trees[trees[i].index];
+    const Solve& solve = program.solves[trees[i].index];
+    const Tree& tree = program.trees[solve.tree];
     const auto& plans =
         plans_of(tree, [&](int constraint) { return is_acting(state, program.constraints[constraint]); });
     all[i].plans = &plans;
+    all[i].root = solve.root;
     all[i].next = 0;
-    for (const int bone : tree.bones) state.is_posed[bone] = 0;
   }
   for (;;) {
     state.ik_solvers.clear();
@@ -125,10 +128,10 @@ void solve_trees(const Program& program, State& state, std::span<const Operation
     state.enter(RigPart::bones);
   }
   for (const Operation& operation : trees) {
-    const Tree& tree = program.trees[operation.index];
-    for (const int bone : tree.bones) ensure_posed(program, state, bone);
+    const Solve& solve = program.solves[operation.index];
+    for (const int bone : solve.bones) ensure_posed(program, state, bone);
     // What it was before IK does not count any more.
-    for (const int bone : tree.bones) posed_parent(program, state, bone);
+    for (const int bone : solve.bones) posed_parent(program, state, bone);
   }
 }
 
