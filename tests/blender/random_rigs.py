@@ -105,7 +105,7 @@ def features_of(seed):
 def features_of_chains(source):
     """What is tried with the bones of IK chains: on others it has no effect."""
     for bone in range(1, BONES):
-        counts = {"in chain": source.random() < 0.2, "goal": source.random() < 0.08}
+        counts = {"in chain": source.random() < 0.2, "goal": source.random() < 0.03}
         for kind, count in counts.items():
             if count:
                 yield Feature(kind, bone, source.getrandbits(32))
