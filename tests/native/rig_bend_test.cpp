@@ -72,7 +72,7 @@ TEST(RigBend, AtRestABBoneMovesNothingWhateverItsShape) {
   const float shape[kBendValueCount] = {0.2F, -0.1F, 0.3F, 0.15F, 0.6F, -0.8F, 0.7F,
                                         1.3F, 1.2F,  0.6F, 0.9F,  0.8F, 1.7F,  1.1F};
   std::copy_n(shape, +kBendValueCount, rig.bones[1].values.begin() + kRestBend);
-  rig.bones[0].values[kRestBend + kBendRollOut] = 0.5F;
+  rig.bones[0].values[kRestBend + +kBendRollOut] = 0.5F;
   for (const bool takes_roll : {false, true}) {
     rig.bones[1].uses_end_roll = takes_roll;
     for (const Mat4& motion : motions_of(RigProgram(rig), 1)) {
@@ -88,10 +88,10 @@ TEST(RigBend, RollsOfTheArmatureAndOfThePoseAddUp) {
   add_bone(rig, "bent", -1, {0, 0, 0});
   BoneDescription& bent = rig.bones[0];
   bent.segments = 2;
-  bent.values[kRestBend + kBendRollIn] = 0.3F;
-  bent.values[kPoseBend + kBendRollIn] = 0.2F;
-  bent.values[kRestBend + kBendRollOut] = 0.4F;
-  bent.values[kPoseBend + kBendRollOut] = 0.5F;
+  bent.values[kRestBend + +kBendRollIn] = 0.3F;
+  bent.values[kPoseBend + +kBendRollIn] = 0.2F;
+  bent.values[kRestBend + +kBendRollOut] = 0.4F;
+  bent.values[kPoseBend + +kBendRollOut] = 0.5F;
   const float expected[] = {0.5F, 0.7F, 0.9F};
   const std::vector<Mat4> segments = segments_of(rig);
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(std::atan2(-segments[i][0][2], segments[i][0][0]), expected[i], 1e-6F) << i;
@@ -99,8 +99,8 @@ TEST(RigBend, RollsOfTheArmatureAndOfThePoseAddUp) {
 
 TEST(RigBend, BeginsWithTheRollAtTheEndOfTheBoneBefore) {
   RigDescription rig = bent_between();
-  rig.bones[0].values[kRestBend + kBendRollOut] = 0.25F;
-  rig.bones[0].values[kPoseBend + kBendRollOut] = 0.15F;
+  rig.bones[0].values[kRestBend + +kBendRollOut] = 0.25F;
+  rig.bones[0].values[kPoseBend + +kBendRollOut] = 0.15F;
   for (const bool takes_roll : {false, true}) {
     rig.bones[1].uses_end_roll = takes_roll;
     const Mat4 first = segments_of(rig).front();
