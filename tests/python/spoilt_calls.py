@@ -31,7 +31,7 @@ LONGEST_TEXT = 2500  # in characters
 SECONDS = 20.0
 CALLS_WITH_THE_SAME_OBJECTS = 200
 CLASSES = [each for module in (sinew, host) for each in vars(module).values() if type(each).__name__ == "pybind11_type"]
-WITHOUT_CONSTRUCTOR = {"MethodData", "Stage", "WeightReport", "Decomposition", "AutomaticWeights", "FrameShape"}
+WITHOUT_CONSTRUCTOR = {"MethodData", "Stage", "WeightReport", "Decomposition", "AutomaticWeights"}
 FIELDS = [("pose_matrix", 0, 0), ("values", 0, 3)]
 
 
@@ -241,7 +241,6 @@ def host_calls():
     stored = host.StoredCurves([ctypes.addressof(memory)], curves)
     values = host.StructValues([([0], "b")])
     joints, counts = np.array([0, -1, 1], np.int32), np.array([1, 0, 3], np.int32)
-    shape = host.shape_of(1, [(MATRICES[0], None)], None, [], floats(POINTS))
     offsets = np.array([0, 2, 2, 3]), np.array([3, 1, 0], np.int32), np.ones(3, floats_of)
     calls = {
         "read_weights": (host.read_weights, {"vertices": ctypes.addressof(vertices), "count": 3}),
@@ -292,25 +291,14 @@ def host_calls():
             f"StoredCurves.{name}": (getattr(stored, name), {"number": 0})
             for name in ("is_local", "settings", "frames", "keys")
         },
-        "shape_of": (
-            host.shape_of,
-            {
-                "identity": 1,
-                "poses": [(MATRICES[0], None)],
-                "key_values": None,
-                "stages": [],
-                "positions": floats(POINTS),
-            },
-        ),
-        "FrameShape.is_of_same": (shape.is_of_same, {"other": shape}),
         "Shortcut.__init__": (
             host.Shortcut,
             {"deformer": sinew.Deformer(vertex_count=4), "watched": [], "poses": [], "layout": (0,) * 6, "places": []}
             | {"switches": [], "stages": (sinew.Hook(4).stage(np.eye(4)),), "keys": None}
-            | {"rest_positions": floats(POINTS), "kept": [], "identity": 1, "bones": []},
+            | {"rest_positions": floats(POINTS), "kept": [], "bones": []},
         ),
         "Shortcut.set_stage": (staged.shortcut.set_stage, {"number": 0, "stage": sinew.Hook(5).stage(np.eye(4))}),
-        "Shortcut.deform": (shaped.shortcut.deform, {"out": 0, "known": shape, "keep": True}),
+        "Shortcut.deform": (shaped.shortcut.deform, {"out": 0}),
         **{
             f"Shortcut.{name}": (getattr(host.Shortcut, name), {"self": shaped.shortcut})
             for name in ("holds", "has_bones", "restore")

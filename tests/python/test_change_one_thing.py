@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 # Tests in Blender use anything for anything, and measurements too: the tables name those that a change needs.
 INCIDENTAL = re.compile(
-    r"tests/blender/(test_|make_)|addon/bench_|docs/(?!(make_\w+\.py|blenders-memory\.md|rigs\.md)$)"
+    r"tests/blender/(test_|make_|edge_)|tests/native/rig_constraints_test|addon/bench_|docs/(?!(make_\w+\.py|blenders-memory\.md|rigs\.md)$)"
 )
 SOURCES = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")

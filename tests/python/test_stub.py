@@ -162,6 +162,8 @@ def samples():
         "ShapeKeys": keys,
         "Deformer": sinew.Deformer([layer], keys),
         "MixedLayers": sinew.MixedLayers([layer]),
+        "Task": sinew.Task(lambda: 0),
+        "DriverExpression": sinew.DriverExpression("a + frame", ["a"]),
     }
 
 
