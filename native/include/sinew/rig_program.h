@@ -150,8 +150,7 @@ class RigProgram {
   std::ptrdiff_t record_size(std::span<const RecordField> fields) const;
 
   /// Evaluates frames, in parallel if there are several. Throws InputError if a driver divides by 0 or takes the root of
-  /// a negative number, for which Blender switches it off, and for a given rotation that moves nothing: in a mode that
-  /// its bone or object does not have, unless a driver reads it.
+  /// a negative number, for which Blender switches it off.
   void evaluate(std::span<const float> frames, const GivenInputs& given, const RigOutputs& out) const;
 
   /// Evaluates frames on this thread and returns the seconds that each RigPart took, all frames together. Reading the

@@ -46,49 +46,6 @@ std::span<const float, 16> matrix_at(const GivenMatrix& given, std::ptrdiff_t fr
   return std::span<const float, 16>(given.numbers + frame * given.frame_stride, 16);
 }
 
-/// Whether a driver reads a number.
-bool is_read(const rig::Program& program, int place) {
-  return std::ranges::any_of(program.drivers, [&](const rig::ProgramDriver& driver) {
-    return std::ranges::any_of(driver.variables, [&](const rig::Variable& variable) {
-      const bool reads_value = variable.type == rig::Variable::Type::value && variable.value == place;
-      return reads_value || std::ranges::find(variable.angles, place) != variable.angles.end();
-    });
-  });
-}
-
-/// Throws InputError for a rotation in a mode that its bone or object does not have, which moves nothing, unless a driver
-/// reads it.
-void check_rotation(const rig::Program& program, const GivenValues& given) {
-  struct Rotation {
-    const char* name;
-    int first, end;
-  };
-  constexpr Rotation kRotations[] = {{"rotation_axis_angle", kAxisAngle, kEuler},
-                                     {"rotation_quaternion", kQuaternion, kAxisAngle},
-                                     {"rotation_euler", kEuler, kScale}};
-  const int after = program.objects.empty() ? -1 : given.first - program.objects.front().values;
-  const int bone = given.first / kBoneValueCount;
-  const bool is_of_bone = bone < std::ssize(program.bones);
-  if (!is_of_bone && after < 0) return;
-  const RotationMode mode =
-      is_of_bone ? program.bones[bone].rotation_mode : program.objects[after / kObjectValueCount].rotation_mode;
-  const int number = is_of_bone ? given.first % kBoneValueCount : after % kPoseBend;
-  const auto& [own, first, end] = kRotations[std::min(static_cast<int>(mode) + 1, 2)];
-  if (number < kQuaternion || number >= kScale || (number >= first && number < end)) return;
-  for (int i = 0; i < given.count; ++i) {
-    if (is_read(program, given.first + i)) return;
-  }
-  const std::string name = program.map.name(given.first);
-  const bool is_delta = !is_of_bone && after % kObjectValueCount >= kPoseBend;
-  fail(name.substr(0, name.rfind('[')), " is given, but the rotation mode is ",
-       kRotationModeNames[static_cast<std::size_t>(static_cast<int>(mode) + 1)], "; give ", is_delta ? "delta_" : "",
-       own);
-}
-
-void check_rotations(const rig::Program& program, const GivenInputs& given) {
-  for (const GivenValues& values : given.values) check_rotation(program, values);
-}
-
 /// Puts what the caller gives for a frame into a state.
 void take_inputs(const GivenInputs& given, const rig::Program& program, std::ptrdiff_t frame, rig::State& state) {
   for (const rig::GivenNumber& last : state.given) state.values[last.value] = state.base[last.value];
@@ -245,7 +202,6 @@ std::ptrdiff_t RigProgram::record_size(std::span<const RecordField> fields) cons
 }
 
 void RigProgram::evaluate(std::span<const float> frames, const GivenInputs& given, const RigOutputs& out) const {
-  check_rotations(*program_, given);
   // Enough frames for each thread that starting it does not count.
   constexpr std::size_t kGrain = 4;
   parallel_for(frames.size(), std::max(kGrain, frames.size() / (8 * static_cast<std::size_t>(thread_count()) + 1)),
@@ -276,7 +232,6 @@ void RigProgram::evaluate(std::span<const float> frames, const GivenInputs& give
 }
 
 std::array<double, kRigPartCount> RigProgram::profile(std::span<const float> frames, const GivenInputs& given) const {
-  check_rotations(*program_, given);
   const Borrowed borrowed(*states_, *program_);
   rig::State& state = *borrowed;
   rig::PartClock clock;
