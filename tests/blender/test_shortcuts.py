@@ -444,7 +444,7 @@ def test_what_is_used_in_vain_is_made_ever_less_often(monkeypatch):
             path.learn(None)
             counts[-1] += 1
         assert not path.run(None) and path.shortcut is None
-    assert counts == [3, 4, 8, 16, 16, 16]
+    assert counts == [2, 4, 8, 16, 16, 16]
     frame.plan = object()
     path.learn(None)
     path.learn(None)

@@ -349,7 +349,7 @@ def test_what_a_dialog_computes_can_be_waited_for_in_steps_and_stopped():
     steps = latest.steps("reducing")
     next(steps)
     steps.close()
-    assert latest.wait(0) and not latest._thread.is_alive()
+    assert latest.wait(0) and latest._task.is_done
 
 
 def test_an_operator_ends_at_once_for_scripts(monkeypatch):
