@@ -198,6 +198,47 @@ def test_the_main_thread_poses_for_a_render(fresh_scene, writers):
     assert set(writers) == {threading.main_thread()}
 
 
+def test_originals_are_not_changed_while_another_thread_evaluates(fresh_scene):
+    """It reads them: what was asked of the main thread is done afterwards."""
+    handlers, mail, said = addon_module("main.handlers"), addon_module("run.mail"), []
+    has_begun, may_end = threading.Event(), threading.Event()
+
+    def evaluate():
+        handlers.before_evaluation(fresh_scene)
+        has_begun.set()
+        may_end.wait(60)
+        handlers.after_evaluation(fresh_scene, graph)
+
+    graph = bpy.context.evaluated_depsgraph_get()
+    timer()()
+    mail.post(said.append, 1)
+    thread = threading.Thread(target=evaluate)
+    thread.start()
+    has_begun.wait(60)
+    timer()()
+    assert said == []
+    may_end.set()
+    thread.join()
+    timer()()
+    assert said == [1]
+
+
+def test_another_thread_does_not_evaluate_while_originals_are_changed(fresh_scene):
+    handlers, mail, said = addon_module("main.handlers"), addon_module("run.mail"), []
+    thread = threading.Thread(target=lambda: (handlers.before_evaluation(fresh_scene), said.append("evaluated")))
+
+    def change():
+        thread.start()
+        thread.join(0.2)
+        said.append("changed")
+
+    mail.post(change)
+    timer()()
+    thread.join()
+    assert said == ["changed", "evaluated"]
+    addon_module("host.evaluations").forget()
+
+
 def test_a_main_thread_that_waits_for_the_render_holds_nothing_up(fresh_scene, writers, monkeypatch):
     """As when the file is closed. The pose is there all the same."""
     import_rig("capsule")

@@ -114,20 +114,19 @@ def test_each_is_compared_once(host, monkeypatch, fresh_scene):
 
 
 def test_evaluations_of_two_threads_are_counted(host):
-    """A render's begins while the main thread counts its own."""
-    evaluations = addon_module("host.evaluations")
-
-    class Interrupted(int):
-        """A count that another thread reads, and would write, before it is written."""
-
-        def __add__(self, number):
-            other.start()
-            other.join(0.2)
-            return int(self) + number
-
-    other = threading.Thread(target=evaluations.announce)
-    evaluations._announced = Interrupted(0)
-    evaluations.announce()
-    other.join()
-    assert evaluations._announced == 2
+    """A render's goes on when one of the main thread has ended. One whose thread is gone has ended, too."""
+    evaluations, go_on = addon_module("host.evaluations"), threading.Event()
     evaluations.forget()
+    other = threading.Thread(target=lambda: (evaluations.announce(), go_on.wait(60)))
+    other.start()
+    while not evaluations.others_run():
+        pass
+    evaluations.announce()
+    evaluations.conclude()
+    assert evaluations.ends_in_handlers() and evaluations.others_run()
+    assert not evaluations.others_run({other.ident})
+    go_on.set()
+    other.join()
+    assert not evaluations.others_run()
+    evaluations.forget()
+    assert not evaluations.ends_in_handlers()

@@ -1,8 +1,10 @@
 """Tells whether Blender is evaluating an object, and whether it calls handlers afterwards."""
 
 import ctypes
+import sys
 import threading
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import bpy
@@ -10,7 +12,8 @@ import bpy
 from . import contract
 
 _TRANSFORM, _ANIMATION = 1 << 0, 1 << 2  # Blender's ID_RECALC_TRANSFORM and ID_RECALC_ANIMATION
-_announced = 0  # evaluations for which Blender has called the handlers before it, but not those after it
+# Evaluations for which Blender has called the handlers before it, but not those after it, by the thread's identifier.
+_announced: Counter[int] = Counter()
 _counting = threading.Lock()  # held while that changes: a render evaluates in its own thread
 _is_playing = False
 _has_been_set = False  # the flags of any object
@@ -72,16 +75,24 @@ def is_job_running() -> bool:
 
 def announce() -> None:
     """Notes that Blender has called the handlers before an evaluation."""
-    global _announced
     with _counting:
-        _announced += 1
+        _announced[threading.get_ident()] += 1
 
 
 def conclude() -> None:
     """Notes that Blender has called the handlers after an evaluation."""
-    global _announced
     with _counting:
-        _announced = max(_announced - 1, 0)
+        if _announced[threading.get_ident()] > 0:
+            _announced[threading.get_ident()] -= 1
+
+
+def others_run(waiting: Collection[int] = ()) -> bool:
+    """Whether a thread other than this one evaluates: a render's, or a script's. waiting: identifiers of threads that
+    wait for this one meanwhile."""
+    with _counting:
+        running = {each for each, count in _announced.items() if count > 0} - {threading.get_ident(), *waiting}
+    # Blender calls no handlers after an evaluation that was stopped: who has ended evaluates no more.
+    return bool(running) and (is_job_running() or not running.isdisjoint(sys._current_frames()))
 
 
 def note_playing(is_playing: bool) -> None:
@@ -92,12 +103,12 @@ def note_playing(is_playing: bool) -> None:
 
 def forget() -> None:
     """Discards what was announced, as after a file was loaded."""
-    global _announced
-    _announced = 0
+    with _counting:
+        _announced.clear()
 
 
 def ends_in_handlers() -> bool:
     """Whether Blender calls handlers after the evaluation, or another one follows soon, because a window plays the
     scene. It calls none after a second evaluation, which it makes if handlers have tagged something after the first,
     and after the first one of a file."""
-    return _announced > 0 or _is_playing
+    return sum(_announced.values()) > 0 or _is_playing

@@ -2,6 +2,8 @@
 and pose the armatures of clips before a frame is evaluated."""
 
 import logging
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +35,7 @@ _tails: dict[int, Any] = {}  # while a file is saved: key of a bound mesh -> sit
 # Key of an armature's data -> (number of the edition of its bones, if that is known, their names)
 _bones: dict[Any, tuple[int | None, list[str]]] = {}
 _constraints: dict[Any, Any] = {}  # by the key of an armature object, see _has_other_constraints
+_changing = threading.RLock()  # held while the main thread changes originals, see _when_none_evaluates
 # Whether the open file must still be taken over. The add-on may be enabled in an open file, and register() has no
 # access to the file's data.
 _is_file_unknown = True
@@ -50,7 +53,7 @@ def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
     has_mail = mail.removals or not HAS_EVENT_LOOP and mail.letters
     is_calm = has_mail and _is_calm(scene)
     if is_calm:
-        mail.remove_what_waits()
+        _remove_what_waits()
     write_lock.look()
     take_over_open_file()
     characters.see_surroundings()
@@ -61,7 +64,7 @@ def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
     if not HAS_EVENT_LOOP and mail.letters and is_calm:
         # Whatever is tagged after the frame change is copied from the file once more, with the values that keyframes
         # had on the viewport's frame.
-        mail.deliver()
+        _deliver()
 
 
 @persistent
@@ -90,7 +93,7 @@ def _follow_frame(scene, depsgraph):
     if not HAS_EVENT_LOOP:
         searching.note_frame(depsgraph.mode == "RENDER")
     if depsgraph.mode != "RENDER":
-        mail.deliver()
+        _deliver()
 
 
 def _pose(scene):
@@ -121,14 +124,34 @@ def _in_main_thread(function, *arguments):
 @persistent
 def before_depsgraph_update(scene: bpy.types.Scene, *_: Any) -> None:
     if mail.removals and _is_calm(scene):
-        mail.remove_what_waits()
+        _remove_what_waits()
     characters.see_surroundings()
+
+
+def _deliver() -> None:
+    _when_none_evaluates(mail.deliver)
+
+
+def _remove_what_waits() -> None:
+    _when_none_evaluates(mail.remove_what_waits)
+
+
+def _when_none_evaluates(function: Callable[[], None]) -> None:
+    """Calls a function that changes or removes originals, unless another thread evaluates, which reads them: then it is
+    called later. One that begins meanwhile waits."""
+    if mail.is_main_thread():
+        with _changing:
+            if not evaluations.others_run(mail.waiting):
+                function()
 
 
 @persistent
 def before_evaluation(*_: Any) -> None:
     callbacks.put_last("frame_change_pre", "depsgraph_update_pre")
     evaluations.announce()
+    if not mail.is_main_thread():
+        with _changing:
+            pass
 
 
 @persistent
@@ -168,7 +191,7 @@ def _follow_update(depsgraph):
     _learn_graphs(depsgraph)
     if graph_copies.has_strays():
         characters.sweep()
-    mail.deliver()
+    _deliver()
 
 
 @persistent
@@ -412,7 +435,7 @@ def _has_stray_attribute(mesh):
 def look_into_the_mail() -> float:
     """Restores what is missing and delivers the mail. A timer, which Blender would drop if it raised. Returns the
     seconds until the next call."""
-    for look in (mail.remove_what_waits, _put_handlers_back, take_over_open_file, mail.deliver, searching.look):
+    for look in (_remove_what_waits, _put_handlers_back, take_over_open_file, _deliver, searching.look):
         try:
             look()
         except Exception as error:

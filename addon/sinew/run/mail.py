@@ -14,6 +14,7 @@ REWIRE = "rewire"  # argument: the key of an object for whose plan the file lack
 # (function or the name of a request, arguments); appending is safe from any thread
 letters: deque[tuple[Any, tuple[Any, ...]]] = deque()
 _answers: dict[Any, Callable[..., object]] = {}  # by the name of the request
+waiting: set[int] = set()  # identifiers of the threads that wait in `ask`
 _asked_at = float("-inf")
 removals: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
 
@@ -47,12 +48,16 @@ def ask(seconds: float, function: Callable[..., object], *arguments: Any) -> boo
             finally:
                 is_done.set()
 
-    post(do_it)
-    if is_done.wait(seconds):
-        return True
-    if is_taken.acquire(blocking=False):
-        return False
-    return is_done.wait()
+    waiting.add(threading.get_ident())
+    try:
+        post(do_it)
+        if is_done.wait(seconds):
+            return True
+        if is_taken.acquire(blocking=False):
+            return False
+        return is_done.wait()
+    finally:
+        waiting.discard(threading.get_ident())
 
 
 def is_asked() -> bool:
