@@ -357,6 +357,7 @@ def computed(meshes, armatures, reference):
     select()
     freezing().thaw(recorded().known(), scene(), bpy.context.view_layer)
     let_be_computed(armatures, may=True)
+    want(armatures)
     scene().frame_set(7)
     for name in armatures:
         yield from until_frozen(name, "what can be computed does not freeze")
