@@ -5,6 +5,7 @@ from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
+from ..feedback import long_work
 from . import evaluation, part_files, systems, usd_baking
 from . import job as jobs
 from . import subject as subjects
@@ -14,12 +15,7 @@ from .shapes import Shapes
 
 def run(context: Any, job: jobs.Job) -> list[Baked]:
     """Runs the whole bake. Returns [Baked], or raises ValueError or OSError."""
-    work = steps(context, job)
-    while True:
-        try:
-            next(work)
-        except StopIteration as end:
-            return end.value
+    return long_work.finish(steps(context, job))
 
 
 def steps(context: Any, job: jobs.Job) -> Generator[tuple[float, str], None, list[Baked]]:

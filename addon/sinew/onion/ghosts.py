@@ -184,9 +184,9 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
 def _keep_all(scene: Any, graph: Any) -> None:
     """Keeps the shapes of all characters that show ghosts, on the scene's frame."""
     frame = rigs.whole_frame(scene)
+    if frame is None:
+        return
     for rig in shown():
-        if frame is None:
-            continue
         moment = rig.at(frame) or computing.moment(rig, frame)
         if moment is None or not rigs.is_shown(rig, graph, moment):
             continue

@@ -30,9 +30,8 @@ def can_be(rig: rigs.Rig) -> bool:
 
 
 def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None:
-    """Reads the program of a live armature, which is proven if it computes what Blender shows on the scene's
-    frame. found: what follows it, as followers.find returns it; users: as bpy.data.user_map
-    returns them."""
+    """Reads the program of a live armature, which is proven if it computes what Blender shows on the scene's frame.
+    found: what follows it, as followers.find returns it; users: as bpy.data.user_map returns them."""
     frame = rigs.whole_frame(scene)
     is_live = not rig.is_frozen and rigs.evaluated_copy(rig, graph) is not None and rigs.moves(rig.ob)
     if frame is None or not is_live or not can_be(rig) or rig.ob.mode == "EDIT":
@@ -42,12 +41,12 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     changes.meet(rig, found if isinstance(found, Followers) else Followers(), users, graph)
     if rig.source.program is None and not read_again(rig, graph):
         read(rig, scene, graph)
-    found_moment, copy = moment(rig, frame), rigs.evaluated_copy(rig, graph)
-    if found_moment is None:
+    computed, copy = moment(rig, frame), rigs.evaluated_copy(rig, graph)
+    if computed is None:
         return
-    if rigs.shows(rig, graph, found_moment) or differences.is_near(rig, copy, frame):
+    if rigs.shows(rig, graph, computed) or differences.is_near(rig, copy, frame):
         rig.source.is_proven, rig.is_posable = True, rig.source.is_posable
-        rig.computed = frame, found_moment
+        rig.computed = frame, computed
         return
     rig.last = None
     if rig.source.is_proven:  # something has changed that was not noticed

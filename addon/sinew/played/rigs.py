@@ -45,7 +45,7 @@ class Source:
     is_proven: bool = False  # it has computed what Blender has
     is_posable: bool = False  # keyframes set nothing but what is written on each frame
     refusal: str = ""  # why there is no program
-    heads: dict[int, Any] = field(default_factory=dict)  # of bones, by frame, see paths.py
+    heads: dict[int, Any] = field(default_factory=dict)  # of bones, by frame, see onion/motion_paths.py
     compared: set[int] = field(default_factory=set)  # frames on which it is what Blender has, see comparing.py
     is_compared: bool = False  # on all frames of the scene's range on which it can be
     # What a frame takes here, and in Blender: medians over the same frames; 0: not measured.
@@ -55,7 +55,7 @@ class Source:
 
 @dataclass(eq=False)
 class Rig:
-    """An armature that is recorded, and may be frozen, with all that follows it."""
+    """An armature that may be played, with all that follows it."""
 
     ob: Any  # the original armature object
     key: int
@@ -83,7 +83,7 @@ class Rig:
     source: Source = field(default_factory=Source)
     last: Any = None  # what its last program was read from, see computing.py
     is_distrusted: bool = False  # a moment that was computed was not what Blender has evaluated
-    distrusted: Any = None  # as rig_programs.edits.settings_of returned it then
+    distrusted: Any = None  # as description.edits.settings_of returned it then
     is_posable: bool = False  # it may be POSED: such a program was proven
     needs_program: bool = False  # it is wanted frozen only if it is computed, see accelerating.py
     stays_live: bool = False  # somebody has thawed it

@@ -14,6 +14,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, modifier_types, nodes, values
+from ..feedback import long_work
 from ..main import whole_frames
 from ..plan import bindable, survey, ways, wiring
 from ..run import characters
@@ -28,12 +29,7 @@ HAS_CLOCK = "execution_time" in bpy.types.Modifier.bl_rna.properties
 
 def run(context: bpy.types.Context, first: int, last: int) -> costs.Profile:
     """Runs the whole measurement. Returns a Profile, or raises ValueError."""
-    work = steps(context, first, last)
-    while True:
-        try:
-            next(work)
-        except StopIteration as end:
-            return end.value
+    return long_work.finish(steps(context, first, last))
 
 
 def steps(context: bpy.types.Context, first: int, last: int) -> Generator[tuple[float, str], None, costs.Profile]:

@@ -15,5 +15,5 @@
     errors           what goes wrong with a mesh, for the panel and the log
     mail             what an evaluation asks the main thread for
 
-And for others: status (what the panel is told), frame_shapes (shapes that are kept for frozen characters).
+And for others: status (what the panel is told).
 """

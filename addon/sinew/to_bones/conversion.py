@@ -11,6 +11,7 @@ import numpy as np
 from ..bake import evaluation
 from ..bake.frame_range import FrameRange
 from ..blender import bounds, values
+from ..feedback import long_work
 from ..native import sinew_native
 from ..plan import bindable
 from ..weights import background
@@ -37,12 +38,7 @@ class Settings:
 
 def run(context: Any, objects: Sequence[bpy.types.Object], settings: Settings) -> Report:
     """Bakes at once. Returns the Report. Raises ValueError, and then nothing has changed."""
-    work = steps(context, objects, settings, in_thread=False)
-    while True:
-        try:
-            next(work)
-        except StopIteration as end:
-            return end.value
+    return long_work.finish(steps(context, objects, settings, in_thread=False))
 
 
 def steps(
@@ -61,7 +57,7 @@ def steps(
         raise ValueError("no mesh is selected: select those to bake")
     with evaluation.undisturbed(context):
         sampler = sampling.sample(context, objects, rig, settings.frames)
-        clip = yield from _scaled(sampler, 0.0, SAMPLING)
+        clip = yield from long_work.scaled(sampler, 0.0, SAMPLING)
         joints = clip.joints
         known: dict[str, Any] = {"bones": settings.bones}
         if joints is not None:  # weights are made for what an armature can play
@@ -81,7 +77,7 @@ def steps(
                 progress=progress,
             )
 
-        found = (yield from _scaled(background.steps(work, FOUND), SAMPLING, 1.0)) if in_thread else work()
+        found = (yield from long_work.scaled(background.steps(work, FOUND), SAMPLING, 1.0)) if in_thread else work()
         if joints is None:
             joints = new_joints(found, clip.rest)
         armature, made = writing.write(context, objects, clip, joints, found, settings.frames)
@@ -142,18 +138,6 @@ def _refuse(ob):
         raise ValueError(f"{ob.name} is in Edit Mode; leave it first")
     if not ob.visible_get():
         raise ValueError(f"{ob.name} is hidden in the viewport, so Blender does not evaluate it: show it first")
-
-
-def _scaled(work, first, last):
-    """Yields the steps of a generator as a part of the whole, from share first to last, and returns what it returns."""
-    try:
-        while True:
-            share, text = next(work)
-            yield first + share * (last - first), text
-    except StopIteration as end:
-        return end.value
-    finally:
-        work.close()
 
 
 def new_joints(found: Any, rest: np.ndarray) -> Joints:

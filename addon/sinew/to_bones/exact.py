@@ -11,6 +11,7 @@ import numpy as np
 
 from ..bake.frame_range import FrameRange
 from ..blender import bounds, weight_writing
+from ..feedback import long_work
 from ..install import bind
 from ..plan import bindable
 from ..rig_files import rig_import, skin_export
@@ -56,12 +57,7 @@ def run(
     context: Any, rig: bpy.types.Object, meshes: Sequence[bpy.types.Object], settings: ExactSettings
 ) -> ExactReport:
     """Bakes at once. Returns the report. Raises ValueError, and then nothing has changed."""
-    work = steps(context, rig, meshes, settings)
-    while True:
-        try:
-            next(work)
-        except StopIteration as end:
-            return end.value
+    return long_work.finish(steps(context, rig, meshes, settings))
 
 
 def steps(
@@ -136,7 +132,9 @@ def _keys(context, rig, skeleton, made, places, roots, own, settings):
             if play is not None:
                 play(each)
             name = each.action.name if each else ""
-            found = yield from _progress(poses.steps(frames), number, len(own), name or context.scene.name)
+            part = COMPUTING / max(len(own), 1)
+            work = poses.steps(frames, f"computing {name or context.scene.name}")
+            found = yield from long_work.scaled(work, number * part, (number + 1) * part)
             motions = skeleton.motions(*found)
             if not np.isfinite(motions).all():
                 raise ValueError(f"a bone of {rig.name} is not at a finite place (NaN or infinite): mend what moves it")
@@ -147,16 +145,6 @@ def _keys(context, rig, skeleton, made, places, roots, own, settings):
             off = np.where(places < 0, 0, np.maximum(off, _off(played, motions, made)))
             clips.append(_Clip(name, each, frames, _as_float32(keys)))
     return clips, off, poses.why
-
-
-def _progress(work, number, count, name):
-    """Yields the steps of one of several actions as a part of the whole, and returns what they return."""
-    try:
-        while True:
-            share = next(work)
-            yield COMPUTING * (number + share) / max(count, 1), f"computing {name}"
-    except StopIteration as end:
-        return end.value
 
 
 def _off(played, motions, joints):

@@ -23,23 +23,25 @@ class Poses:
         self._others: list[Any] = []  # rows of curves that are not the rig's own
         self.why = ""
 
-    def steps(self, frames: Sequence[int]) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
-        """Yields the share done, and returns the bones' poses (F, B, 4, 4) and the ends of segments (F, S, 4, 4), each
-        relative to its bone; both have the same bits either way. The scene's frame may change. Raises ValueError if
-        Blender does not evaluate the rig."""
+    def steps(
+        self, frames: Sequence[int], text: str
+    ) -> Generator[tuple[float, str], None, tuple[np.ndarray, np.ndarray]]:
+        """Yields (share done, text), and returns the bones' poses (F, B, 4, 4) and the ends of segments (F, S, 4, 4),
+        each relative to its bone; both have the same bits either way. The scene's frame may change. Raises ValueError
+        if Blender does not evaluate the rig."""
         program = None if self.why else self._program()
         if program is not None and not self._is_proven:
             self._prove(program, frames[len(frames) // 2])
         if program is None or self.why:
-            return (yield from self._evaluated(frames))
+            return (yield from self._evaluated(frames, text))
         times = np.array(frames, np.float32)
-        yield 0.0
+        yield 0.0, text
         try:
             poses = program.evaluate(times)
             ends = program.segments(times) if self._has_segments else _no_segments(len(frames))
         except ValueError as reason:
             self.why = str(reason)
-            return (yield from self._evaluated(frames))
+            return (yield from self._evaluated(frames, text))
         return poses, ends
 
     def _program(self) -> Any:
@@ -59,7 +61,7 @@ class Poses:
             else:  # only the action is another one
                 own_rows = driver_rows.curves_of(self._rig, self._read.targets)
                 self._read.description["curves"] = [*own_rows, *self._others]
-            return sinew_native.RigProgram(self._read.description)
+            return sinew_native.RigProgram(self._read.description, keep_description=False)
         except ValueError as reason:
             self.why = str(reason)
             return None
@@ -72,10 +74,10 @@ class Poses:
         if not self._is_proven:
             self.why = f"{program.names[int(far.argmax())]} was computed differently by up to {far.max():.3g}"
 
-    def _evaluated(self, frames):
+    def _evaluated(self, frames, text):
         found = []
         for number, frame in enumerate(frames):
-            yield number / len(frames)
+            yield number / len(frames), text
             found.append(self._at(frame))
         poses, ends = zip(*found)
         return np.array(poses), np.array(ends)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import bpy
+import numpy as np
 
 _COPYING = {"COPY_TRANSFORMS", "COPY_LOCATION", "COPY_ROTATION", "ARMATURE", "CHILD_OF"}
 _LEAST = 0.5  # the influence of a constraint that counts
@@ -22,7 +23,7 @@ def of(armature: bpy.types.Object) -> dict[str, str]:
     followed = {bone.name: [*_followed(armature, bone)] for bone in armature.pose.bones}
     deforming = [bone.name for bone in bones if bone.use_deform]
     stands_for = {name: name for name in deforming}
-    alike = {name: _alike(bones, name) - stands_for.keys() for name in deforming}
+    alike = {name: found - stands_for.keys() for name, found in _alike(bones, deforming)}
     for name in deforming:
         for other in _upwards([name], followed):
             if other in alike[name]:
@@ -88,16 +89,18 @@ def _upwards(begin: list[str], followed: dict[str, list[str]]) -> Iterator[str]:
         seen.update(new)
 
 
-def _alike(bones: Any, name: str) -> set[str]:
-    """Returns the bones that begin where a bone does at rest, and point as it does."""
-    own = bones[name]
-    direction = (own.tail_local - own.head_local).normalized()
-    return {
-        other.name
-        for other in bones
-        if (other.head_local - own.head_local).length <= _SAME * own.length
-        and (other.tail_local - other.head_local).normalized().dot(direction) > _ALIKE
-    }
+def _alike(bones: Any, names: list[str]) -> Iterator[tuple[str, set[str]]]:
+    """Yields each of the bones of these names with those that begin where it does at rest, and point as it does."""
+    heads, tails = (np.empty((len(bones), 3), np.float32) for _ in range(2))
+    bones.foreach_get("head_local", heads.reshape(-1))
+    bones.foreach_get("tail_local", tails.reshape(-1))
+    every, lengths = [bone.name for bone in bones], np.linalg.norm(tails - heads, axis=1)
+    directions = (tails - heads) / np.maximum(lengths, np.finfo(np.float32).tiny)[:, None]
+    place = {name: number for number, name in enumerate(every)}
+    for name in names:
+        own = place[name]
+        is_here = np.linalg.norm(heads - heads[own], axis=1) <= _SAME * lengths[own]
+        yield name, {every[other] for other in np.flatnonzero(is_here & (directions @ directions[own] > _ALIKE))}
 
 
 def _above(name: str, carrier: dict[str, str]) -> list[str]:
