@@ -1,6 +1,7 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <memory>
@@ -22,20 +23,17 @@ namespace {
 class Running {
  public:
   void add(int count) {
-    const std::lock_guard lock(mutex_);
-    count_ += count;
-    changed_.notify_all();
+    count_.fetch_add(count);
+    count_.notify_all();
   }
+  // Not by std::condition_variable, whose wait() would need the libstdc++ of GCC 12; wait_for() does not.
   void wait() {
     const py::gil_scoped_release release;
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return count_ == 0; });
+    for (int now = count_.load(); now != 0; now = count_.load()) count_.wait(now);
   }
 
  private:
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  int count_ = 0;
+  std::atomic<int> count_ = 0;
 };
 
 Running& running() {
