@@ -22,7 +22,7 @@ from mathutils import Vector
 FRAMES = 120
 METHODS = ("LINEAR", "DUAL_QUATERNION")
 TILE = (480, 540)  # size in pixels of one picture of the contact sheet
-SAMPLES = 24
+SAMPLES = 8
 SWAY, SWAY_FRAMES = 0.2, 48  # of the bones of a rig without poses: radians, and how long it takes
 SMALL = 6_000  # vertices; a mesh with fewer gains nothing
 
