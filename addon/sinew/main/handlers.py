@@ -129,7 +129,8 @@ def before_depsgraph_update(scene: bpy.types.Scene, *_: Any) -> None:
 
 
 def _deliver() -> None:
-    _when_none_evaluates(mail.deliver)
+    if mail.letters:
+        _when_none_evaluates(mail.deliver)
 
 
 def _remove_what_waits() -> None:
