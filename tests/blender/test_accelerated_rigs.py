@@ -37,7 +37,7 @@ def cast(monkeypatch):
 
 def keep_live(cast):
     live = recorded().learn(cast.live[0])
-    live.stays_live = live.needs_program = True  # and is not recorded
+    live.ob.sinew_accelerates_rig, live.needs_program = False, True  # and is not recorded
 
 
 def evaluations():
@@ -97,7 +97,7 @@ def test_it_needs_no_recording_and_no_memory(cast):
 
 
 def test_reading_and_comparing_take_one_step_for_each_rig(cast):
-    recorded().get(cast.live[0]).stays_live = False
+    cast.live[0].sinew_accelerates_rig = True
     assert wait(cast) == 4
     assert all(recorded().get(each[0]).is_frozen for each in both(cast))
 
@@ -105,7 +105,7 @@ def test_reading_and_comparing_take_one_step_for_each_rig(cast):
 def test_others_are_computed_while_one_is_compared(cast):
     accelerate(cast)
     other = recorded().get(cast.live[0])
-    other.stays_live = False
+    other.ob.sinew_accelerates_rig = True
     for _ in range(5):
         accelerating().step(cast.scene, layer(), evaluations())
         layer().update()
@@ -798,10 +798,10 @@ def test_small_rigs_are_left_alone(cast, monkeypatch):
     assert wait(cast) == 0 and not cast.rig.is_wanted
 
 
-def test_what_somebody_has_thawed_stays_live(cast):
+def test_what_somebody_has_left_to_blender_stays_live(cast):
     accelerate(cast)
     select(cast.frozen[0])
-    assert bpy.ops.object.sinew_thaw() == {"FINISHED"}
+    assert bpy.ops.object.sinew_leave_to_blender() == {"FINISHED"}
     wait(cast)
     assert not cast.rig.is_idle
     assert bpy.ops.object.sinew_freeze() == {"FINISHED"}
@@ -840,8 +840,8 @@ def test_what_the_panel_says(cast):
     cast.scene.frame_set(3)
     assert re.match(r"Rig: native, \d+\.\d\d ms \(Blender \d+\.\d\d\)\n", text_of(cast.frozen[0])[0])
     select(cast.frozen[0])
-    bpy.ops.object.sinew_thaw()
-    assert text_of(cast.frozen[0]) == ("Rig: Blender's, because it was thawed", "")
+    bpy.ops.object.sinew_leave_to_blender()
+    assert text_of(cast.frozen[0]) == ("Rig: Blender's", "")
 
 
 def test_the_panel_says_medians_over_the_same_frames(cast, monkeypatch):
@@ -892,6 +892,34 @@ def test_the_switch(cast):
     keep_live(cast)
     accelerate(cast)
     cast.play()
+
+
+def test_each_rig_has_a_switch(cast):
+    accelerate(cast)
+    cast.frozen[0].sinew_accelerates_rig = False
+    assert not cast.rig.is_wanted and not cast.rig.is_idle
+    wait(cast)
+    cast.play()
+    assert not cast.rig.is_idle
+    assert addon_module("ui.rig_line").text_of(cast.frozen[0]) == ("Rig: Blender's", "")
+    cast.frozen[0].sinew_accelerates_rig = True
+    accelerate(cast)
+    cast.play()
+
+
+def test_what_is_undone_of_a_switch_is_done(cast):
+    cast.frozen[0].sinew_accelerates_rig = False
+    bpy.ops.ed.undo_push(message="off")
+    cast.frozen[0].sinew_accelerates_rig = True
+    bpy.ops.ed.undo_push(message="on")
+    wait(cast)
+    assert cast.rig.is_frozen
+    for step, is_native in ((bpy.ops.ed.undo, False), (bpy.ops.ed.redo, True)):
+        name = cast.frozen[0].name
+        step()
+        cast.scene, cast.frozen = bpy.context.scene, [bpy.data.objects[name]]
+        wait(cast)
+        assert cast.rig.is_frozen == is_native
 
 
 def test_the_switch_is_that_of_one_scene(cast):

@@ -78,7 +78,7 @@ def test_rigs_that_are_not_computed_have_none(cast):  # noqa: F811
     assert addon_module("onion.motion_paths").around([(cast.frozen[0], "no bone")], 4, 3) == []
     bpy.ops.object.select_all(action="DESELECT")
     select(cast.frozen[0])
-    assert bpy.ops.object.sinew_thaw() == {"FINISHED"}
+    assert bpy.ops.object.sinew_leave_to_blender() == {"FINISHED"}
     assert paths(cast.frozen[0], 4) == [] and recorded().get(cast.frozen[0]) is cast.rig
 
 

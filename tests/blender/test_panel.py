@@ -162,7 +162,7 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
     ):
         assert text in said
     select(armature)
-    rig = ["Accelerate Rigs"] if bpy.app.version >= (4, 2, 0) else []
+    rig = ["Accelerate Rig"] if bpy.app.version >= (4, 2, 0) else []
     assert draw(armature_panel) == ["1 of 1 meshes bound", ob.name, *rig, "object.sinew_unbind", "Measure", display[1]]
 
 

@@ -88,7 +88,7 @@ class Led(Cast):
         keep_live(self)
         for leader in self.leaders[1]:
             live = recorded().learn(leader)
-            live.stays_live = live.needs_program = True
+            live.ob.sinew_accelerates_rig, live.needs_program = False, True
 
     @property
     def led(self):

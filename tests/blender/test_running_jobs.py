@@ -39,7 +39,7 @@ class Job:
 
 
 def thaw(cast):
-    assert bpy.ops.object.sinew_thaw() == {"FINISHED"}
+    assert bpy.ops.object.sinew_leave_to_blender() == {"FINISHED"}
 
 
 def thaw_the_other(cast):
@@ -80,7 +80,7 @@ def test_keyframes_stay_where_they_are(cast, monkeypatch, ask):
     with Job(monkeypatch):
         ask(cast)
         cast.play([4, 5, 3])
-    cast.rig.stays_live = False
+    cast.rig.ob.sinew_accelerates_rig = True
     freezing().freeze_again(cast.scene, layer())
     accelerate_or_freeze(cast)
     cast.play([6, 2])

@@ -93,7 +93,7 @@ def want(rig: rigs.Rig, needs_program: bool = False) -> None:
         rig.state = State.WANTED
     elif needs_program and not rig.needs_program:
         return
-    rig.needs_program, rig.stays_live = needs_program, False
+    rig.needs_program = needs_program
 
 
 def keep_records(rig: rigs.Rig) -> None:
@@ -492,3 +492,6 @@ def find_again() -> None:
         changes.drop_all(rig)
         rig.followers = Followers()
     melt_all()
+    for rig in rigs.known():
+        if rig.stays_live:  # again, since its switch was undone
+            rig.state = State.LIVE

@@ -86,7 +86,6 @@ class Rig:
     distrusted: Any = None  # as description.edits.settings_of returned it then
     is_posable: bool = False  # it may be POSED: such a program was proven
     needs_program: bool = False  # it is wanted frozen only if it is computed, see accelerating.py
-    stays_live: bool = False  # somebody has thawed it
     has_differed: bool = False  # from what Blender has evaluated elsewhere, once
     difference: Any = None  # differences.Difference of its last program, or None
     posed_on: float | None = None  # the frame on which Blender has last evaluated it while it is POSED
@@ -119,6 +118,11 @@ class Rig:
     def is_wanted(self) -> bool:
         """Whether it is frozen whenever possible."""
         return self.state is not State.LIVE
+
+    @property
+    def stays_live(self) -> bool:
+        """Whether its own switch leaves it to Blender."""
+        return is_alive(self.ob) and not self.ob.sinew_accelerates_rig
 
     @property
     def is_recorded(self) -> bool:

@@ -56,7 +56,7 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(played_rigs.Record.bl_idname, icon="REC")
         layout.operator(played_rigs.Freeze.bl_idname, icon="FREEZE")
         layout.operator(played_rigs.FreezeOthers.bl_idname)
-        layout.operator(played_rigs.Thaw.bl_idname)
+        layout.operator(played_rigs.LeaveToBlender.bl_idname)
         layout.operator(onion_skins.ToggleOnionSkins.bl_idname, icon="ONIONSKIN_ON")
         layout.separator()
         layout.operator(crowd.RenewCrowd.bl_idname, icon="COMMUNITY")

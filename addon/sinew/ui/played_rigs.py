@@ -1,10 +1,11 @@
-"""Frozen characters: operators, and the panel that lists them."""
+"""Rigs that are native or recorded: operators, and the panel that lists them."""
 
 from typing import Any
 
 import bpy
 from bpy.props import BoolProperty
 
+from ..description import reading
 from ..feedback import notice
 from ..played import followers, freezing, recording, rigs
 from .in_steps import InSteps
@@ -86,6 +87,8 @@ class Freezes(InSteps):
     def finish(self: Any, context, _value):
         own = [rigs.learn(each) for each in self.armatures(context)]
         for rig in own:
+            if rig.stays_live:
+                rig.ob.sinew_accelerates_rig = True
             freezing.want(rig)
         if not own:
             self.report({"ERROR"}, "select an armature, or an object that one moves")
@@ -122,11 +125,12 @@ class FreezeOthers(Freezes, bpy.types.Operator):
         return [each for each in recording.animated_armatures(context.view_layer) if each not in selected]
 
 
-class Thaw(bpy.types.Operator):
-    """Have Blender evaluate the selected characters again, or all if none is selected"""
+class LeaveToBlender(bpy.types.Operator):
+    """Switch Accelerate Rig off for the selected characters, or for all if none is selected: Blender evaluates them"""
 
-    bl_idname = "object.sinew_thaw"
-    bl_label = "Thaw"
+    bl_idname = "object.sinew_leave_to_blender"
+    bl_label = "Leave to Blender"
+    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context):
@@ -134,20 +138,21 @@ class Thaw(bpy.types.Operator):
 
     def execute(self, context):
         selected = chosen(context)
-        own = [rig for rig in rigs.known() if rig.ob in selected or not selected]
-        freezing.thaw(own, context.scene, context.view_layer)
-        for rig in own:
-            rig.stays_live = True
+        for rig in rigs.known():
+            if rig.ob in selected or not selected:
+                rig.ob.sinew_accelerates_rig = False
         notice.redraw()
         return {"FINISHED"}
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    if reading.CAN_READ:
+        layout.prop(context.scene, "sinew_accelerates_rigs")
     row = layout.row(align=True)
     row.operator(Freeze.bl_idname, icon="FREEZE")
     row.operator(FreezeOthers.bl_idname, text="All But This")
-    row.operator(Thaw.bl_idname, icon="LIGHT_SUN")
     layout.operator(Record.bl_idname, icon="REC")
+    layout.operator(LeaveToBlender.bl_idname, icon="LIGHT_SUN")
     for rig in rigs.known():
         draw_rig(layout, context, rig)
     if rigs.known():
@@ -156,7 +161,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 def draw_rig(layout: bpy.types.UILayout, context: bpy.types.Context, rig: Any) -> None:
     row = layout.split(factor=0.5, align=True)
-    row.label(text=rig.name, icon="FREEZE" if rig.is_idle else "ARMATURE_DATA")
+    row.prop(rig.ob, "sinew_accelerates_rig", text=rig.name)
     row.label(text=frames_text(rig))
     if rig.is_wanted and not rig.is_idle and not rig.needs_program and rig.reason:
         notice.draw_sentence(layout, context, rig.reason, False)
@@ -175,7 +180,7 @@ def frames_text(rig: Any) -> str:
 
 class SidebarFrozen(InSidebar, bpy.types.Panel):
     bl_idname, bl_parent_id = "VIEW3D_PT_sinew_frozen", "VIEW3D_PT_sinew"
-    bl_label = "Frozen Characters"
+    bl_label = "Rigs"
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
@@ -196,10 +201,22 @@ def _switch_rigs(scene: Any, context: Any) -> None:
         for rig in own:
             rig.clear()
     for rig in here:
-        rig.stays_live, rig.tries, rig.tries_to_skip = False, 0, 0
+        rig.tries = rig.tries_to_skip = 0
 
 
-CLASSES = (Record, Freeze, FreezeOthers, Thaw, SidebarFrozen)
+def _switch_rig(ob: Any, context: Any) -> None:
+    """Lets Blender evaluate the rig of an armature object, or tries it again."""
+    rig = rigs.get(ob)
+    if rig is None:
+        return
+    rig.tries = rig.tries_to_skip = 0
+    if rig.stays_live and rig.is_wanted:
+        graph = rig.graph()
+        scene, layer = (context.scene, context.view_layer) if graph is None else (graph.scene, graph.view_layer)
+        freezing.thaw([rig], scene, layer)
+
+
+CLASSES = (Record, Freeze, FreezeOthers, LeaveToBlender, SidebarFrozen)
 
 
 def register() -> None:
@@ -207,13 +224,24 @@ def register() -> None:
         bpy.utils.register_class(cls)
     bpy.types.Scene.sinew_accelerates_rigs = BoolProperty(
         name="Accelerate Rigs",
-        description="Compute the bones of accelerated characters natively, with the same result, if possible",
+        description="Compute the bones of the accelerated characters of this scene natively, with the same result, if "
+        "possible",
         default=True,
         update=_switch_rigs,
+    )
+    bpy.types.Object.sinew_accelerates_rig = BoolProperty(
+        name="Accelerate Rig",
+        description="Of an armature: compute its bones natively, with the same result, if possible. Otherwise Blender "
+        "evaluates it",
+        default=True,
+        options=set(),
+        override={"LIBRARY_OVERRIDABLE"},
+        update=_switch_rig,
     )
 
 
 def unregister() -> None:
+    del bpy.types.Object.sinew_accelerates_rig
     del bpy.types.Scene.sinew_accelerates_rigs
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -18,8 +18,10 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) 
     if not reading.CAN_READ:
         return
     column = layout.column(align=True)
-    column.prop(context.scene, "sinew_accelerates_rigs")
-    text, reason = text_of(armature) if context.scene.sinew_accelerates_rigs else ("", "")
+    column.prop(armature, "sinew_accelerates_rig")
+    text, reason = text_of(armature)
+    if not context.scene.sinew_accelerates_rigs:
+        text, reason = "Rig: Blender's, since the scene's Accelerate Rigs is off", ""
     if rigs.get(armature) is not None:  # always two lines, so that nothing moves below while somebody poses
         first, second = (text.splitlines() + ["", ""])[:2]
         column.label(text=first, icon="ARMATURE_DATA" if first else "BLANK1")
@@ -43,7 +45,7 @@ def text_of(armature: Any) -> tuple[str, str]:
     if rig.is_idle:
         return "Rig: native" if rig.is_posable else "Rig: recorded", ""
     if rig.stays_live:
-        return "Rig: Blender's, because it was thawed", ""
+        return "Rig: Blender's", ""
     return ("Rig: Blender's", rig.reason) if rig.needs_program and rig.reason else ("", "")
 
 
