@@ -281,18 +281,31 @@ class Items:
 
 
 def test_everything_can_be_searched():
-    """F3 searches menus: each operator stands in one."""
+    """F3 searches menus: each operator stands in one, cures where they apply."""
     menus = addon_module("ui.menus")
     items = Items()
     for _, draw in menus.PLACES:
         draw(items, bpy.context)
     assert menus.SinewMenu.bl_idname in items.found
     menus.SinewMenu.draw(items, bpy.context)
-    for name in ("operators", "method_settings", "display", "preferences", "cures", "played_rigs"):
+    for name in ("operators", "display", "preferences", "played_rigs"):
         for cls in addon_module(f"ui.{name}").CLASSES:
             if issubclass(cls, bpy.types.Operator):
                 assert cls.bl_idname in items.found
                 assert cls.bl_label and cls.__doc__
+
+
+def test_the_menu_has_the_cures_that_apply(tube, fresh_scene):
+    cures = [cls for name in ("cures", "method_settings") for cls in addon_module(f"ui.{name}").CLASSES]
+    seen = set()
+    for prepare in (lambda: None, lambda: accelerate(tube), lambda: fresh_scene.collection.objects.link(tube.copy())):
+        prepare()
+        select(tube)
+        items = Items()
+        addon_module("ui.menus").SinewMenu.draw(items, bpy.context)
+        found = {cls for cls in cures if cls.bl_idname in items.found}
+        assert found == {cls for cls in cures if not cls.why_not(bpy.context)} and found not in seen
+        seen.add(frozenset(found))
 
 
 # --- preferences ----------------------------------------------------------------------------------

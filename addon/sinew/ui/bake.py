@@ -8,6 +8,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..bake import baking, mesh_cache
 from ..bake import job as jobs
+from . import available
 from .in_steps import InSteps
 from .operators import selected_meshes
 from .over_frames import OverFrames
@@ -54,12 +55,13 @@ class BakeSettings(OverFrames):
         )
 
 
-def can_bake(context: bpy.types.Context) -> bool:
-    is_playing = context.screen and context.screen.is_animation_playing
-    return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and bool(selected_meshes(context)) and not is_playing
+def not_now(context: bpy.types.Context) -> str:
+    """Returns what to do before anything can be baked; "" if it can."""
+    why = available.other_mode(context, *available.MODES) or available.playing(context)
+    return why or ("" if selected_meshes(context) else "Select meshes")
 
 
-class Bake(BakeSettings, bpy.types.Operator):
+class Bake(available.Explains, BakeSettings, bpy.types.Operator):
     """Write the shape of the selected meshes on each frame to files that Blender's Mesh Cache modifier and
     other programs can play. The .blend does not change, except that unkeyed changes return to their keyframes, as
     they do whenever the scene plays. Press Esc to stop; the next bake continues from there"""
@@ -71,8 +73,8 @@ class Bake(BakeSettings, bpy.types.Operator):
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
 
     @classmethod
-    def poll(cls, context):
-        return can_bake(context)
+    def why_not(cls, context):
+        return not_now(context)
 
     def invoke(self, context, _event):
         if not self.directory and bpy.data.filepath:
@@ -85,7 +87,7 @@ class Bake(BakeSettings, bpy.types.Operator):
         return self.start(bpy.ops.object.sinew_bake_frames)
 
 
-class BakeFrames(BakeSettings, InSteps, bpy.types.Operator):
+class BakeFrames(available.Explains, BakeSettings, InSteps, bpy.types.Operator):
     """Bake the selected meshes, frame by frame"""
 
     bl_idname = "object.sinew_bake_frames"
@@ -95,8 +97,8 @@ class BakeFrames(BakeSettings, InSteps, bpy.types.Operator):
     seconds_in_a_row = 0.1
 
     @classmethod
-    def poll(cls, context):
-        return can_bake(context)
+    def why_not(cls, context):
+        return not_now(context)
 
     def execute(self, context):
         return self.at_once(lambda: self.finish(context, baking.run(context, self.job(context))))
@@ -112,7 +114,7 @@ class BakeFrames(BakeSettings, InSteps, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class PlayCache(bpy.types.Operator):
+class PlayCache(available.Explains, bpy.types.Operator):
     """Let Blender's Mesh Cache modifier play a PC2 or MDD file on the active mesh, and switch off the modifiers that
     the cache replaces"""
 
@@ -124,9 +126,10 @@ class PlayCache(bpy.types.Operator):
     filter_glob: StringProperty(default="*.pc2;*.mdd", options={"HIDDEN"})
 
     @classmethod
-    def poll(cls, context):
+    def why_not(cls, context):
         ob = context.active_object
-        return context.mode == "OBJECT" and ob is not None and ob.type == "MESH" and not mesh_cache.is_on(ob)
+        why = available.other_mode(context, "OBJECT") or available.no_mesh(ob)
+        return why or (f"{ob.name} plays a cache: detach it first" if mesh_cache.is_on(ob) else "")
 
     def invoke(self, context, _event):
         context.window_manager.fileselect_add(self)
@@ -141,7 +144,7 @@ class PlayCache(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class TakeOffCache(bpy.types.Operator):
+class TakeOffCache(available.Explains, bpy.types.Operator):
     """Remove the Mesh Cache modifier from the selected meshes, and restore the switches of their other modifiers"""
 
     bl_idname = "object.sinew_take_off_cache"
@@ -149,8 +152,9 @@ class TakeOffCache(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
-        return context.mode == "OBJECT" and any(mesh_cache.is_on(ob) for ob in selected_meshes(context))
+    def why_not(cls, context):
+        is_any = any(mesh_cache.is_on(ob) for ob in selected_meshes(context))
+        return available.other_mode(context, "OBJECT") or ("" if is_any else "Select a mesh that plays a cache")
 
     def execute(self, context):
         for ob in selected_meshes(context):

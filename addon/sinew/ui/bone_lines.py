@@ -9,7 +9,8 @@ from gpu_extras.batch import batch_for_shader
 from ..blender.drawn import Drawn
 from ..feedback import notice
 from ..weights import assigning, bone_segments
-from .display import armature_of
+from . import available
+from .display import armature_of, no_armature
 from .weights import ENDS
 
 COLOR = (1.0, 0.55, 0.1, 1.0)
@@ -44,7 +45,7 @@ def are_shown() -> bool:
     return _lines.is_shown()
 
 
-class ToggleBoneLines(bpy.types.Operator):
+class ToggleBoneLines(available.Explains, bpy.types.Operator):
     """Show the lines that the bones stand for when Sinew makes weights, at rest; press again to hide them"""
 
     bl_idname = "object.sinew_show_bone_lines"
@@ -54,9 +55,8 @@ class ToggleBoneLines(bpy.types.Operator):
     ends: EnumProperty(name="Bones", description="The line that each bone stands for", items=ENDS)
 
     @classmethod
-    def poll(cls, context):
-        ob = context.active_object
-        return ob is not None and ob.type in {"MESH", "ARMATURE"} and armature_of(ob) is not None
+    def why_not(cls, context):
+        return no_armature(context.active_object)
 
     def execute(self, _context):
         global _ends

@@ -5,9 +5,10 @@ from bpy.props import IntProperty, StringProperty
 
 from ..crowd import making, source
 from ..feedback import progress
+from . import available
 
 
-class AddCrowd(bpy.types.Operator):
+class AddCrowd(available.Explains, bpy.types.Operator):
     """Add many agents that play the clip of the active character, each starting at a different moment, and walk along
     the selected curve or a circle. The shapes of the clip are computed once, so the crowd plays without armatures and
     without Sinew"""
@@ -39,8 +40,8 @@ class AddCrowd(bpy.types.Operator):
     seed: IntProperty(name="Seed", description="A different number gives a different crowd")
 
     @classmethod
-    def poll(cls, context):
-        return context.mode == "OBJECT"
+    def why_not(cls, context):
+        return available.other_mode(context, "OBJECT")
 
     def draw(self, _context):
         self.layout.use_property_split = True
@@ -80,7 +81,7 @@ class AddCrowd(bpy.types.Operator):
         return source.Source(character=found.name, count=self.shapes, first=first, last=last)
 
 
-class RenewCrowd(bpy.types.Operator):
+class RenewCrowd(available.Explains, bpy.types.Operator):
     """Compute the shapes of the active crowd again, after its character or the clip has changed"""
 
     bl_idname = "object.sinew_crowd_renew"
@@ -88,9 +89,10 @@ class RenewCrowd(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def why_not(cls, context):
         ob = context.active_object
-        return context.mode == "OBJECT" and ob is not None and making.modifier_of(ob) is not None
+        is_crowd = ob is not None and making.modifier_of(ob) is not None
+        return available.other_mode(context, "OBJECT") or ("" if is_crowd else "Select a crowd")
 
     def execute(self, context):
         ob = context.active_object

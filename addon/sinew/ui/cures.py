@@ -10,6 +10,7 @@ from ..blender import armatures, meshes
 from ..install import bind, mending
 from ..plan import survey
 from ..stencils import searching
+from . import available
 
 
 def doubles(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
@@ -60,25 +61,25 @@ def _at_rest(ob):
             setattr(owner, name, value)
 
 
-class _Cure:
+class _Cure(available.Explains):
     bl_options = {"REGISTER", "UNDO"}
     wants_armature = True
 
     @classmethod
-    def poll(cls, context):
+    def why_not(cls, context):
         ob = context.active_object
-        return (
-            ob is not None
-            and ob.type == "MESH"
-            and ob.sinew.is_bound
-            and (ob.sinew.armature is not None or not cls.wants_armature)
-            and ob.library is None
-            and ob.data.library is None
-            and ob.mode in {"OBJECT", "WEIGHT_PAINT"}
-        )
+        why = available.unbound(ob) or available.linked(ob)
+        if not why and cls.wants_armature and ob.sinew.armature is None:
+            why = f"{ob.name} has no armature"
+        return why or available.other_mode(context, "OBJECT", "PAINT_WEIGHT") or cls.nothing_to_cure(ob)
+
+    @classmethod
+    def nothing_to_cure(cls, ob: bpy.types.Object) -> str:
+        """Returns why a mesh does not need it, as far as that is soon known; "" otherwise."""
+        return ""
 
 
-class KeepGenerated(bpy.types.Operator):
+class KeepGenerated(available.Explains, bpy.types.Operator):
     """Add a Basis shape key, which Sinew then deforms: Generated texture coordinates stay in place, and modifiers that
     allow only deforming modifiers before them can be used"""
 
@@ -87,16 +88,12 @@ class KeepGenerated(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def why_not(cls, context):
         ob = context.active_object
-        return (
-            ob is not None
-            and ob.type == "MESH"
-            and ob.library is None
-            and ob.data.library is None
-            and ob.data.shape_keys is None
-            and ob.mode in {"OBJECT", "WEIGHT_PAINT"}
-        )
+        why = available.no_mesh(ob) or available.linked(ob)
+        if not why and ob.data.shape_keys is not None:
+            why = f"{ob.name} has shape keys already"
+        return why or available.other_mode(context, "OBJECT", "PAINT_WEIGHT")
 
     def execute(self, context):
         ob = context.active_object
@@ -111,6 +108,10 @@ class RemoveDoubles(_Cure, bpy.types.Operator):
 
     bl_idname = "object.sinew_remove_doubles"
     bl_label = "Remove Second Deformation"
+
+    @classmethod
+    def nothing_to_cure(cls, ob):
+        return "" if doubles(ob) else f"{ob.name} is not deformed a second time"
 
     def execute(self, context):
         ob = context.active_object
@@ -194,12 +195,17 @@ class FindWeights(_Cure, bpy.types.Operator):
     bl_options = {"REGISTER"}
     wants_armature = False
 
+    @classmethod
+    def nothing_to_cure(cls, ob):
+        return "" if searching.takes_long(ob) else f"{ob.name} lacks no weights that would take long to find"
+
     def execute(self, context):
-        if not searching.takes_long(context.active_object):
-            self.report({"ERROR"}, f"{context.active_object.name} lacks no weights that would take long to find")
-            return {"CANCELLED"}
         searching.take_time(context.active_object)
         return {"FINISHED"}
+
+
+def _unbound_smoothing(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
+    return [modifier for modifier in ob.modifiers if survey.why_not_bound(ob, modifier)]
 
 
 class BindSmoothing(_Cure, bpy.types.Operator):
@@ -209,12 +215,13 @@ class BindSmoothing(_Cure, bpy.types.Operator):
     bl_label = "Bind Smoothing to Rest Pose"
     wants_armature = False
 
+    @classmethod
+    def nothing_to_cure(cls, ob):
+        return "" if _unbound_smoothing(ob) else f"{ob.name} has no Corrective Smooth that needs to be bound"
+
     def execute(self, context):
         ob = context.active_object
-        unbound = [modifier for modifier in ob.modifiers if survey.why_not_bound(ob, modifier)]
-        if not unbound:
-            self.report({"ERROR"}, f"{ob.name} has no Corrective Smooth that needs to be bound")
-            return {"CANCELLED"}
+        unbound = _unbound_smoothing(ob)
         with _at_rest(ob):
             context.view_layer.update()
             for modifier in unbound:
@@ -231,6 +238,10 @@ class MakeSingleUser(_Cure, bpy.types.Operator):
     bl_idname = "object.sinew_make_single_user"
     bl_label = "Make Mesh Single User"
     wants_armature = False
+
+    @classmethod
+    def nothing_to_cure(cls, ob):
+        return "" if ob.data.users > 1 else f"No other object uses the mesh of {ob.name}"
 
     def execute(self, context):
         ob = context.active_object

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..blender import meshes
 from ..plan import bindable
+from . import available
 
 COLORS = "Sinew Weights"  # the colour attribute that exists while weights are shown
 BEFORE = "sinew_shown_before"  # custom property of the mesh: what the 3D views showed before
@@ -115,7 +116,7 @@ def _include(layer_collection, armature):
     return found
 
 
-class ToggleWeights(bpy.types.Operator):
+class ToggleWeights(available.Explains, bpy.types.Operator):
     """Show the weights of all bones at once, one color per bone, in the solid shading of the 3D views; press again to
     restore the views"""
 
@@ -124,9 +125,10 @@ class ToggleWeights(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def why_not(cls, context):
         ob = context.active_object
-        return ob is not None and ob.type == "MESH" and ob.mode != "EDIT" and len(ob.vertex_groups) > 0
+        why = available.no_mesh(ob) or ("Leave Edit Mode" if ob.mode == "EDIT" else "")
+        return why or ("" if len(ob.vertex_groups) else f"{ob.name} has no vertex groups")
 
     def execute(self, context):
         ob = context.active_object
@@ -139,7 +141,7 @@ class ToggleWeights(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ToggleSkeleton(bpy.types.Operator):
+class ToggleSkeleton(available.Explains, bpy.types.Operator):
     """Show the armature in front of its meshes, wherever it was hidden; press again to hide it. It deforms them the
     same way, hidden or not"""
 
@@ -148,11 +150,9 @@ class ToggleSkeleton(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def why_not(cls, context):
         ob = context.active_object
-        return (
-            ob is not None and ob.type in {"MESH", "ARMATURE"} and ob.mode == "OBJECT" and armature_of(ob) is not None
-        )
+        return no_armature(ob) or ("" if ob.mode == "OBJECT" else "Switch to Object Mode")
 
     def execute(self, context):
         armature = armature_of(context.active_object)
@@ -165,6 +165,13 @@ class ToggleSkeleton(bpy.types.Operator):
 
 def armature_of(ob: bpy.types.Object) -> bpy.types.Object | None:
     return ob if ob.type == "ARMATURE" else bindable.find_armature(ob)
+
+
+def no_armature(ob: bpy.types.Object | None) -> str:
+    """Returns what to do unless an active object is an armature or a mesh that has one."""
+    if ob is None or ob.type not in {"MESH", "ARMATURE"}:
+        return "Select an armature, or a mesh that one moves"
+    return "" if armature_of(ob) is not None else f"{ob.name} has no armature"
 
 
 CLASSES = (ToggleWeights, ToggleSkeleton)

@@ -30,7 +30,7 @@ class SinewMenu(bpy.types.Menu):
     bl_idname = "VIEW3D_MT_sinew"
     bl_label = "Sinew"
 
-    def draw(self, _context):
+    def draw(self, context):
         layout = self.layout
         layout.operator(Bind.bl_idname, icon="LINKED")
         layout.operator(Unbind.bl_idname, icon="UNLINKED")
@@ -40,9 +40,11 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(ToggleSkeleton.bl_idname, icon="ARMATURE_DATA")
         layout.operator(MeasureFrames.bl_idname, icon="TIME")
         layout.separator()
-        for operator in (*cures.CLASSES, *method_settings.CLASSES):
+        applicable = [each for each in (*cures.CLASSES, *method_settings.CLASSES) if not each.why_not(context)]
+        for operator in applicable:
             layout.operator(operator.bl_idname)
-        layout.separator()
+        if applicable:
+            layout.separator()
         layout.operator(weights.ParentWithWeights.bl_idname, text="Parent with Sinew Weights", icon="BONE_DATA")
         layout.operator(weights.CheckWeights.bl_idname)
         for tool in (*weight_tools.CLASSES, *weight_reduction.CLASSES):

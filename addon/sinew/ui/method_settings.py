@@ -7,6 +7,7 @@ from bpy.props import EnumProperty
 from ..chain import methods
 from ..feedback import notice
 from ..install import precomputing
+from . import available
 
 SETTINGS = {
     methods.BLENDED: (),
@@ -74,13 +75,13 @@ def _draw_map(layout, ob, group, invert):
     row.operator(PaintMap.bl_idname, text="", icon="BRUSH_DATA").map = group
 
 
-class _OfBoundMesh:
+class _OfBoundMesh(available.Explains):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def why_not(cls, context):
         ob = context.active_object
-        return ob is not None and ob.type == "MESH" and ob.sinew.is_bound and ob.library is None
+        return available.unbound(ob) or (available.linked(ob) if ob.library is not None else "")
 
 
 class PrepareMethod(_OfBoundMesh, bpy.types.Operator):
@@ -107,8 +108,9 @@ class CancelMethod(_OfBoundMesh, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context):
-        return super().poll(context) and precomputing.job_of(context.active_object) is not None
+    def why_not(cls, context):
+        ob = context.active_object
+        return super().why_not(context) or ("" if precomputing.job_of(ob) else f"Nothing is computed for {ob.name}")
 
     def execute(self, context):
         precomputing.cancel(context.active_object)

@@ -7,7 +7,7 @@ from ..host import evaluations
 from ..main import addon_preferences, callbacks
 from ..onion import ghost_drawing, ghosts, onion_settings, path_drawing
 from ..played import freezing, playing, rigs
-from . import played_rigs
+from . import available, played_rigs
 from .panels import InSidebar
 
 SECONDS_BETWEEN_LOOKS = 0.3
@@ -15,7 +15,7 @@ LOOKS_BEFORE_FILLING = 3  # in which nothing is evaluated
 _seen, _looks = 0, 0  # the number of evaluations at the last look, and how many looks there were since
 
 
-class ToggleOnionSkins(bpy.types.Operator):
+class ToggleOnionSkins(available.Explains, bpy.types.Operator):
     """Show ghosts of the selected characters before and after the current frame: at once if their rigs are computed,
     otherwise on all frames that play from now on. Press again to hide them. The file does not change"""
 
@@ -24,8 +24,8 @@ class ToggleOnionSkins(bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context):
-        return bool(played_rigs.chosen(context))
+    def why_not(cls, context):
+        return played_rigs.nothing_chosen(context)
 
     def execute(self, context):
         armatures = [ob for ob in played_rigs.chosen(context) if rigs.has_animation(ob)]

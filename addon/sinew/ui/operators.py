@@ -14,6 +14,7 @@ from ..plan import bindable
 from ..played import accelerating, freezing
 from ..rig_files import clip_keyframes
 from ..run import characters
+from . import available
 
 
 def selected_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -34,7 +35,13 @@ def selected_armature(context: bpy.types.Context) -> bpy.types.Object | None:
     return next((ob for ob in context.selected_objects if ob.type == "ARMATURE"), None)
 
 
-class Bind(bpy.types.Operator):
+def no_meshes(context: bpy.types.Context) -> str:
+    """Returns what to do before meshes can be bound or unbound."""
+    why = available.other_mode(context, *available.MODES)
+    return why or ("" if selected_meshes(context) else "Select a mesh, or an armature that moves some")
+
+
+class Bind(available.Explains, bpy.types.Operator):
     """Let Sinew deform the selected meshes, with the selected armature or their own, or only with shape keys and
     smoothing. If only an armature is selected: all meshes that it deforms. Of several meshes, those that are so small
     that Blender is faster are left to it"""
@@ -46,8 +53,8 @@ class Bind(bpy.types.Operator):
     output: EnumProperty(name="Output", items=properties.OUTPUT_ITEMS, description="Where the deformed positions go")
 
     @classmethod
-    def poll(cls, context):
-        return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and bool(selected_meshes(context))
+    def why_not(cls, context):
+        return no_meshes(context)
 
     def execute(self, context):
         bound, problems = 0, []
@@ -78,7 +85,7 @@ class Bind(bpy.types.Operator):
         return {"FINISHED"} if bound or small else {"CANCELLED"}
 
 
-class Unbind(bpy.types.Operator):
+class Unbind(available.Explains, bpy.types.Operator):
     """Let Blender deform the selected meshes again, as before they were bound"""
 
     bl_idname = "object.sinew_unbind"
@@ -86,10 +93,9 @@ class Unbind(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
-        return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and any(
-            ob.sinew.is_bound for ob in selected_meshes(context)
-        )
+    def why_not(cls, context):
+        is_any = any(ob.sinew.is_bound for ob in selected_meshes(context))
+        return no_meshes(context) or ("" if is_any else "No selected mesh is accelerated")
 
     def execute(self, context):
         for ob in selected_meshes(context):
@@ -98,7 +104,7 @@ class Unbind(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ClipToKeyframes(bpy.types.Operator):
+class ClipToKeyframes(available.Explains, bpy.types.Operator):
     """Write the poses of the imported rig as keyframes of its armature, on all frames of the scene"""
 
     bl_idname = "object.sinew_clip_to_keyframes"
@@ -106,8 +112,9 @@ class ClipToKeyframes(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
-        return clip_keyframes.clip_armature(context.active_object) is not None
+    def why_not(cls, context):
+        is_there = clip_keyframes.clip_armature(context.active_object) is not None
+        return "" if is_there else "Select a rig that was imported with poses"
 
     def execute(self, context):
         armature = clip_keyframes.clip_armature(context.active_object)
@@ -122,7 +129,7 @@ class ClipToKeyframes(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class MeasureFrames(bpy.types.Operator):
+class MeasureFrames(available.Explains, bpy.types.Operator):
     """Play some of the scene's frames with Sinew and with Blender's own modifiers, and show how long a whole frame
     takes"""
 
@@ -130,10 +137,10 @@ class MeasureFrames(bpy.types.Operator):
     bl_label = "Measure Frames"
 
     @classmethod
-    def poll(cls, context):
-        return context.mode in {"OBJECT", "POSE"} and any(
-            ob.sinew.installed_output == "MODIFIER" for ob in characters.bound_objects()
-        )
+    def why_not(cls, context):
+        is_any = any(ob.sinew.installed_output == "MODIFIER" for ob in characters.bound_objects())
+        why = available.other_mode(context, "OBJECT", "POSE")
+        return why or ("" if is_any else "Accelerate a mesh first, with the output Modifier")
 
     def execute(self, context):
         with progress.shown(context) as shown:

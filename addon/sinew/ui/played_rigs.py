@@ -8,6 +8,7 @@ from bpy.props import BoolProperty
 from ..description import reading
 from ..feedback import notice
 from ..played import followers, freezing, recording, rigs
+from . import available
 from .in_steps import InSteps
 from .panels import InSidebar
 
@@ -20,12 +21,16 @@ def chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
     return recording.armatures_of(objects)
 
 
-def can_change(context: bpy.types.Context) -> bool:
-    is_playing = context.screen and context.screen.is_animation_playing
-    return context.mode in {"OBJECT", "POSE"} and not is_playing
+def not_now(context: bpy.types.Context) -> str:
+    """Returns what to do before rigs can change their state; "" if they can."""
+    return available.other_mode(context, "OBJECT", "POSE") or available.playing(context)
 
 
-class Record(InSteps, bpy.types.Operator):
+def nothing_chosen(context: bpy.types.Context) -> str:
+    return "" if chosen(context) else "Select an armature, or an object that one moves"
+
+
+class Record(available.Explains, InSteps, bpy.types.Operator):
     """Record the poses of selected characters whose rigs Sinew cannot compute: the preview range or the scene's range
     is played once, without what is recorded already. Press Esc to stop; the recorded frames are kept"""
 
@@ -35,8 +40,8 @@ class Record(InSteps, bpy.types.Operator):
     seconds_in_a_row = 0.1
 
     @classmethod
-    def poll(cls, context):
-        return can_change(context) and bool(chosen(context))
+    def why_not(cls, context):
+        return not_now(context) or nothing_chosen(context)
 
     def invoke(self, context, _event):
         return self.begin(context, recording.steps(context.scene, context.view_layer, chosen(context)))
@@ -63,15 +68,15 @@ def report_native(operator: Any, own: list[rigs.Rig]) -> None:
         operator.report({"INFO"}, f"{native}: native, so nothing has to be recorded")
 
 
-class Freezes(InSteps):
+class Freezes(available.Explains, InSteps):
     """What Freeze and FreezeOthers share."""
 
     stopped = "Stopped: the frames that were recorded are kept, and nothing was frozen"
     seconds_in_a_row = 0.1
 
     @classmethod
-    def poll(cls, context):
-        return can_change(context)
+    def why_not(cls, context):
+        return not_now(context)
 
     def invoke(self: Any, context, _event):
         return self.begin(context, self._steps_of(context))
@@ -125,7 +130,7 @@ class FreezeOthers(Freezes, bpy.types.Operator):
         return [each for each in recording.animated_armatures(context.view_layer) if each not in selected]
 
 
-class LeaveToBlender(bpy.types.Operator):
+class LeaveToBlender(available.Explains, bpy.types.Operator):
     """Switch Accelerate Rig off for the selected characters, or for all if none is selected: Blender evaluates them"""
 
     bl_idname = "object.sinew_leave_to_blender"
@@ -133,8 +138,9 @@ class LeaveToBlender(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context):
-        return can_change(context) and any(rig.is_wanted for rig in rigs.known())
+    def why_not(cls, context):
+        has_any = any(rig.is_wanted for rig in rigs.known())
+        return not_now(context) or ("" if has_any else "All rigs are Blender's")
 
     def execute(self, context):
         selected = chosen(context)

@@ -8,6 +8,7 @@ from ..install import bind
 from ..main import callbacks
 from ..plan import bindable
 from ..profiling import costs, measure
+from . import available
 from .in_steps import InSteps
 from .panels import InSidebar
 
@@ -15,7 +16,7 @@ MOST_OBJECTS = 12  # the largest number that is listed
 ICONS = {"MESH": "MESH_DATA", "ARMATURE": "ARMATURE_DATA"}
 
 
-class MeasureProfile(InSteps, bpy.types.Operator):
+class MeasureProfile(available.Explains, InSteps, bpy.types.Operator):
     """Play the scene and measure what evaluating each object costs, and what Accelerate would save. The .blend does not
     change, except that unkeyed changes return to their keyframes, as they do whenever the scene plays. Press Esc to
     stop"""
@@ -29,10 +30,8 @@ class MeasureProfile(InSteps, bpy.types.Operator):
     frame_end: IntProperty(name="Last Frame", description="The last frame to play; by default the scene's")
 
     @classmethod
-    def poll(cls, context):
-        return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and not (
-            context.screen and context.screen.is_animation_playing
-        )
+    def why_not(cls, context):
+        return available.other_mode(context, *available.MODES) or available.playing(context)
 
     def execute(self, context):
         return self.at_once(lambda: self.finish(context, measure.run(context, *self._frames(context))))
@@ -56,7 +55,7 @@ class MeasureProfile(InSteps, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class AccelerateOne(bpy.types.Operator):
+class AccelerateOne(available.Explains, bpy.types.Operator):
     """Let Sinew deform this mesh, with its armature if it has one"""
 
     bl_idname = "object.sinew_accelerate_one"
@@ -66,8 +65,8 @@ class AccelerateOne(bpy.types.Operator):
     name: StringProperty(options={"SKIP_SAVE"})
 
     @classmethod
-    def poll(cls, context):
-        return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"}
+    def why_not(cls, context):
+        return available.other_mode(context, *available.MODES)
 
     def execute(self, _context):
         ob = bpy.data.objects.get((self.name, None))

@@ -11,6 +11,7 @@ from ..feedback import progress
 from ..main import properties
 from ..plan import bindable
 from ..rig_files import rig_export, rig_import
+from . import available
 
 MESH, WEIGHTS, POSE, ANIMATION = "mesh.obj", "weights.dmat", "pose.dmat", "anim.dmat"  # the usual names
 
@@ -172,7 +173,7 @@ class ImportRig(bpy.types.Operator, ImportHelper):
         return {"FINISHED"}
 
 
-class ExportRig(bpy.types.Operator, ExportHelper):
+class ExportRig(available.Explains, bpy.types.Operator, ExportHelper):
     """Write the active mesh, its skeleton, weights and poses as a rig folder"""
 
     bl_idname = "export_scene.sinew_rig"
@@ -203,8 +204,8 @@ class ExportRig(bpy.types.Operator, ExportHelper):
     )
 
     @classmethod
-    def poll(cls, context):
-        return context.active_object is not None and context.active_object.type == "MESH"
+    def why_not(cls, context):
+        return available.no_mesh(context.active_object)
 
     def execute(self, context):
         path = self.filepath

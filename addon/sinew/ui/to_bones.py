@@ -9,6 +9,7 @@ from ..to_bones import conversion, exact, gltf
 from ..to_bones.bone_names import read_names
 from ..to_bones.exact_report import ExactReport
 from ..to_bones.report import Report
+from . import available
 from .in_steps import InSteps
 from .operators import selected_meshes
 from .over_frames import OverFrames
@@ -129,14 +130,16 @@ class ToBonesSettings(OverFrames):
         )
 
 
-def can_bake(context: bpy.types.Context) -> bool:
-    is_playing = context.screen and context.screen.is_animation_playing
+def not_now(context: bpy.types.Context) -> str:
+    """Returns what to do before anything can be baked to bones; "" if it can."""
     active = context.view_layer.objects.active
     is_armature = active is not None and active.type == "ARMATURE" and active.select_get()
-    return context.mode == "OBJECT" and (is_armature or bool(selected_meshes(context))) and not is_playing
+    has_any = is_armature or selected_meshes(context)
+    why = available.other_mode(context, "OBJECT") or available.playing(context)
+    return why or ("" if has_any else "Select meshes, or an armature")
 
 
-class BakeToBones(ToBonesSettings, bpy.types.Operator):
+class BakeToBones(available.Explains, ToBonesSettings, bpy.types.Operator):
     """Make an armature with keyframes, and copies of the selected meshes with weights, which play what the meshes do on
     each frame, whatever deforms them, or what a rig does in all its actions: for game engines and other programs. All
     selected meshes get one armature. Esc stops it, and nothing has changed"""
@@ -146,8 +149,8 @@ class BakeToBones(ToBonesSettings, bpy.types.Operator):
     bl_options = {"PRESET"}
 
     @classmethod
-    def poll(cls, context):
-        return can_bake(context)
+    def why_not(cls, context):
+        return not_now(context)
 
     def invoke(self, context, _event):
         self.set_frames(context.scene)
@@ -188,7 +191,7 @@ class BakeToBones(ToBonesSettings, bpy.types.Operator):
         return self.start(bpy.ops.object.sinew_bake_to_bones_steps)
 
 
-class BakeToBonesSteps(ToBonesSettings, InSteps, bpy.types.Operator):
+class BakeToBonesSteps(available.Explains, ToBonesSettings, InSteps, bpy.types.Operator):
     """Bake the selected meshes to bones, without a dialog"""
 
     bl_idname = "object.sinew_bake_to_bones_steps"
@@ -198,8 +201,8 @@ class BakeToBonesSteps(ToBonesSettings, InSteps, bpy.types.Operator):
     seconds_in_a_row = 0.1
 
     @classmethod
-    def poll(cls, context):
-        return can_bake(context)
+    def why_not(cls, context):
+        return not_now(context)
 
     def execute(self, context):
         return self.at_once(lambda: self.finish(context, self.work(context, is_in_steps=False)))

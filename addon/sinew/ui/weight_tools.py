@@ -11,13 +11,14 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 from ..blender import meshes
 from ..feedback import notice
 from ..weights import editing, transferring
+from . import available
 from .in_background import InBackground
 from .weights import masked
 
 AXES = ("X", "Y", "Z")
 
 
-class TransferWeights(InBackground, bpy.types.Operator):
+class TransferWeights(available.Explains, InBackground, bpy.types.Operator):
     """Copy the weights of the active mesh to the other selected meshes, as from a body to clothes: from the closest
     points of its surface where these are near and face the same way, elsewhere the smoothest weights that fit. Locked
     vertex groups and groups of other bones stay"""
@@ -66,9 +67,8 @@ class TransferWeights(InBackground, bpy.types.Operator):
     )
 
     @classmethod
-    def poll(cls, context):
-        ob = context.active_object
-        return context.mode == "OBJECT" and ob is not None and ob.type == "MESH"
+    def why_not(cls, context):
+        return available.other_mode(context, "OBJECT") or available.no_mesh(context.active_object)
 
     def assignment(self, context):
         active = context.active_object
@@ -101,14 +101,13 @@ def show_in_edit_mode(context: bpy.types.Context, objects: Sequence[bpy.types.Ob
     bpy.ops.object.mode_set(mode="EDIT")
 
 
-class EditsWeights(InBackground):
+class EditsWeights(available.Explains, InBackground):
     """What the operators for the active mesh have in common. Each defines `edit(ob, free)`, which returns an
     editing.Edit."""
 
     @classmethod
-    def poll(cls, context):
-        ob = context.active_object
-        return context.mode in {"OBJECT", "PAINT_WEIGHT"} and ob is not None and ob.type == "MESH"
+    def why_not(cls, context):
+        return available.other_mode(context, "OBJECT", "PAINT_WEIGHT") or available.no_mesh(context.active_object)
 
     def assignment(self: Any, context):
         ob = context.active_object

@@ -12,6 +12,7 @@ from ..blender import meshes
 from ..feedback import notice
 from ..plan import bindable
 from ..weights import assigning, bone_segments, checking, checks, parenting, pose_checks, reports, rigid
+from . import available
 from .in_background import InBackground
 
 ENDS = (
@@ -100,7 +101,7 @@ class WeightSettings:
         return {ob.name: meshes.selected_vertices(ob.data) for ob in objects} if self.is_selected_rigid else {}
 
 
-class MakesWeights(WeightSettings, InBackground):
+class MakesWeights(available.Explains, WeightSettings, InBackground):
     """What the operators that make weights have in common."""
 
     def tell(self: Any, report: reports.Report, warnings: Sequence[str] = ()) -> set[str]:
@@ -120,9 +121,10 @@ class ParentWithWeights(MakesWeights, bpy.types.Operator):
     bl_label = "With Sinew Weights"
 
     @classmethod
-    def poll(cls, context):
+    def why_not(cls, context):
         ob = context.active_object
-        return context.mode == "OBJECT" and ob is not None and ob.type == "ARMATURE"
+        is_armature = ob is not None and ob.type == "ARMATURE"
+        return available.other_mode(context, "OBJECT") or ("" if is_armature else "Select meshes, and an armature last")
 
     def assignment(self, context):
         armature = context.active_object
@@ -152,8 +154,8 @@ class AssignFromBones(MakesWeights, bpy.types.Operator):
     bl_label = "Assign from Bones (Sinew)"
 
     @classmethod
-    def poll(cls, context):
-        return context.mode == "PAINT_WEIGHT" and context.active_object is not None
+    def why_not(cls, context):
+        return available.other_mode(context, "PAINT_WEIGHT")
 
     def assignment(self, context):
         ob = context.active_object
@@ -206,15 +208,16 @@ def masked(mesh: bpy.types.Mesh) -> np.ndarray | None:
     return selected
 
 
-class ChecksWeights(InBackground):
+class ChecksWeights(available.Explains, InBackground):
     """What the operators that check weights have in common."""
 
     computing = "checking weights"
     stopped = "Stopped: the weights were not checked"
 
     @classmethod
-    def poll(cls, context):
-        return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and bool(meshes_to_check(context))
+    def why_not(cls, context):
+        why = available.other_mode(context, *available.MODES)
+        return why or ("" if meshes_to_check(context) else "Select meshes, or an armature that moves some")
 
     def assignment(self: Any, context):
         return checking.Checking(self.objects(context), self.most_influences, math.degrees(self.angle))
@@ -314,7 +317,7 @@ class SelectWeightProblem(ChecksWeights, bpy.types.Operator):
         bpy.ops.object.mode_set(mode="EDIT")
 
 
-class SelectReportedBones(bpy.types.Operator):
+class SelectReportedBones(available.Explains, bpy.types.Operator):
     """Select the bones that the last report names"""
 
     bl_idname = "object.sinew_select_reported_bones"
@@ -331,8 +334,9 @@ class SelectReportedBones(bpy.types.Operator):
     )
 
     @classmethod
-    def poll(cls, context):
-        return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and shown_report(context) is not None
+    def why_not(cls, context):
+        why = available.other_mode(context, *available.MODES)
+        return why or ("" if shown_report(context) is not None else "Check the weights first")
 
     def execute(self, context):
         report = shown_report(context)
