@@ -3,6 +3,7 @@ then look and are edited as if they were live. The second character of the cast 
 
 import json
 import re
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -766,7 +767,7 @@ def test_a_key_that_is_rounded_is_not_what_was_computed_wrong(cast, caplog):
 def test_a_pose_that_is_not_keyed_keeps_it_live(cast):
     move(cast, 2)
     wait(cast)
-    assert not cast.rig.is_frozen and "not keyed (bone bone1)" in cast.rig.reason
+    assert not cast.rig.is_frozen and 'not keyed (bone "bone1")' in cast.rig.reason
     cast.assert_same()
     cast.scene.frame_set(2)
     accelerate(cast)
@@ -826,6 +827,77 @@ def test_onion_skins(cast):
     cast.play()
     assert len(cast.rig.record) == 0 and not cast.rig.skins.lacks(4, cast.rig.source.program)
     bpy.ops.object.sinew_onion_skins()
+
+
+class Buttons:
+    """A layout that notes which operators it was given."""
+
+    alert = False
+
+    def __init__(self):
+        self.found = {}
+
+    def column(self, **_):
+        return self
+
+    row = column
+
+    def label(self, **_):
+        pass
+
+    def prop(self, *_, **__):
+        pass
+
+    def operator(self, name, text=""):
+        self.found[name] = SimpleNamespace()
+        return self.found[name]
+
+
+def buttons(cast):
+    layout = Buttons()
+    addon_module("ui.rig_line").draw(layout, bpy.context, cast.frozen[0])
+    return set(layout.found)
+
+
+def test_the_bone_that_keeps_a_rig_from_being_native_can_be_selected(cast):
+    armature = cast.frozen[0]
+    armature.pose.bones["bone2"].constraints.new("SHRINKWRAP").target = cast.frozen[3]
+    layer().update()
+    wait(cast)
+    assert 'bone "bone2"' in cast.rig.reason, cast.rig.reason
+    assert buttons(cast) == {"object.sinew_select_bone", "object.sinew_freeze"}
+    select(cast.frozen[1])
+    assert bpy.ops.object.sinew_select_bone(armature=armature.name_full) == {"FINISHED"}
+    assert bpy.context.mode == "POSE" and bpy.context.active_object == armature
+    assert addon_module("ui.weights").selected_bones(armature) == ["bone2"]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    armature.hide_set(True)
+    with pytest.raises(RuntimeError, match="is hidden: show it first"):
+        bpy.ops.object.sinew_select_bone(armature=armature.name_full)
+    for operator in (bpy.ops.object.sinew_select_bone, bpy.ops.object.sinew_accelerate_again):
+        with pytest.raises(RuntimeError, match="No rig Nobody of this view layer was accelerated"):
+            operator(armature="Nobody")
+
+
+@pytest.mark.says_errors
+def test_one_that_has_differed_twice_can_be_tried_again(cast, misread):
+    cast.scene.frame_set(3)
+    accelerate(cast)
+    for _ in range(2):
+        misread(True)
+        cast.rig.last = None  # so that all of it is read
+        turn(cast)
+        wait(cast)
+        layer().update()
+        misread(False)
+        turn(cast)
+        cast.play([4, 5, 3])
+        wait(cast)
+    assert cast.rig.is_distrusted and "object.sinew_accelerate_again" in buttons(cast)
+    assert bpy.ops.object.sinew_accelerate_again(armature=cast.frozen[0].name_full) == {"FINISHED"}
+    assert "object.sinew_accelerate_again" not in buttons(cast)
+    accelerate(cast)
+    cast.play()
 
 
 def test_what_the_panel_says(cast):

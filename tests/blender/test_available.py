@@ -13,7 +13,9 @@ PACKAGE = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".ui.")[0]
 ALWAYS = {
     "import_scene.sinew_rig",
     "import_scene.sinew_drop_rig",
+    "object.sinew_accelerate_again",
     "object.sinew_report_rig",
+    "object.sinew_select_bone",
     "wm.sinew_manual",
     "wm.sinew_take_flag_down",
 }

@@ -329,7 +329,7 @@ def test_freeze_does_not_lose_a_pose_that_is_not_keyed(cast):
     for armature, *_ in both(cast):
         armature.pose.bones["bone1"].location.x += 2
     select(cast.frozen[0])
-    with pytest.raises(RuntimeError, match=r"changes that are not keyed \(bone bone1\)"):
+    with pytest.raises(RuntimeError, match=r'changes that are not keyed \(bone "bone1"\)'):
         bpy.ops.object.sinew_freeze()
     cast.assert_same()
     cast.rig.reason = ""

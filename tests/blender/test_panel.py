@@ -285,7 +285,14 @@ def test_which_way_a_mesh_goes_and_why(fresh_scene):
     for _ in range(2):
         bpy.ops.object.modifier_move_up(modifier="Cast")
     bpy.context.view_layer.update()
-    assert any(text.startswith("Blender's own modifier deforms it: Cast comes before") for text in draw())
+    said = draw()
+    assert any(text.startswith("Blender's own modifier deforms it: Cast comes before") for text in said)
+    assert "Move Down" in said
+    assert bpy.ops.object.sinew_move_down() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    assert [each.type for each in ob.modifiers][-1] == "CAST" and "Move Down" not in draw()
+    with pytest.raises(RuntimeError, match="No modifier of .* is in Sinew's way"):
+        bpy.ops.object.sinew_move_down()
 
 
 def test_a_long_sentence_in_a_narrow_sidebar():

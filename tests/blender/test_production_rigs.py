@@ -13,7 +13,7 @@ from helpers import SHARED, addon_module
 FOLDER = Path(os.environ.get("SINEW_PRODUCTION_RIGS", SHARED.parent / "production-rigs"))
 FILES = sorted(FOLDER.glob("*.blend"))
 FRAMES = (1, 4.25, 12, 20.5)
-REFUSED = {"RIG-spline_ik": "RIG-spline_ik itself moves (its scale is animated): move a bone instead"}
+REFUSED = {"RIG-spline_ik": "RIG-spline_ik itself moves (its Scale is animated): move a bone instead"}
 
 pytestmark = pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="the rigs were saved by Blender 5")
 

@@ -509,7 +509,7 @@ def test_invalid_drivers_of_what_is_keyed_are_refused(armature):
     bone.keyframe_insert("location", frame=1, index=1)
     assert differences(armature) == []
     bone.keyframe_insert("location", frame=1, index=0)
-    assert 'the driver of pose.bones["b"].location: it is invalid, and keyframes set the same' in refusal(armature)
+    assert 'the driver of Location of the bone "b": it is invalid, and keyframes set the same' in refusal(armature)
 
 
 def test_the_place_of_the_armature_in_local_space_is_refused(armature):
@@ -535,7 +535,7 @@ def test_python_in_drivers_is_refused(armature):
     bpy.context.view_layer.update()
     if not driver.is_valid:
         pytest.skip("this Blender has switched the driver off, since it runs no Python for it")
-    assert 'the driver of pose.bones["b"].location: "2 ** 3" is not one of' in refusal(armature)
+    assert 'the driver of Location of the bone "b": "2 ** 3" is not one of' in refusal(armature)
 
 
 def test_curves_that_are_not_covered_are_refused(armature):
@@ -742,7 +742,7 @@ def test_a_moving_object_is_refused(armature):
     assert differences(armature) == []
     armature.location.z += 1
     armature.keyframe_insert("location", frame=9)
-    assert "Rig itself moves (its location is animated): move a bone instead" in refusal(armature)
+    assert "Rig itself moves (its Location is animated): move a bone instead" in refusal(armature)
 
 
 def test_a_cycle_is_refused(armature):

@@ -443,7 +443,7 @@ def with_constraint(cast):
 
 def with_driver(cast):
     cast.ball.driver_add("location", 0).driver.expression = "frame / 10"
-    return "location of Ball has a driver"
+    return "Location of Ball has a driver"
 
 
 def in_a_hand(cast):
@@ -460,7 +460,7 @@ def with_strips(cast):
 
 def with_mode(cast):
     cast.ball.keyframe_insert("rotation_mode", frame=1)
-    return "rotation_mode of Ball is keyed"
+    return "Rotation Mode of Ball is keyed"
 
 
 def hidden(cast):

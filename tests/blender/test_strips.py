@@ -67,7 +67,7 @@ def key_place(ob):
     ob.location.x = 1
     ob.keyframe_insert("location", frame=1)
     push_down(ob).blend_in = 5
-    return "Rig itself moves (its location is animated)"
+    return "Rig itself moves (its Location is animated)"
 
 
 def add_modifier(ob):
@@ -257,7 +257,7 @@ def test_what_is_not_keyed_is_kept(strips, follows):
     wait(strips)
     assert strips.rig.ob.pose.bones["bone1"].location == before
     assert strips.rig.difference is None and not strips.rig.is_frozen
-    assert "changes that are not keyed (bone bone1)" in strips.rig.reason
+    assert 'changes that are not keyed (bone "bone1")' in strips.rig.reason
     strips.play([5, 6])
     accelerate(strips)
     strips.play([3, 4])

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..blender import animation
 from ..host import contract, features, keyframes
-from . import tables
+from . import rna_paths, tables
 
 KEY_NUMBERS = (
     11  # left handle, point, right handle (frame and value each), amplitude, period, back, interpolation, easing
@@ -52,7 +52,9 @@ def complete(row: dict[str, Any], curve: bpy.types.FCurve) -> dict[str, Any]:
     """Returns a row of rows_of with the modifiers. Raises Refused."""
     if "modifiers" in row:
         if not len(row["keys"]) and len(curve.sampled_points):
-            raise Refused(f"the curve of {curve.data_path} holds samples instead of keys: convert it to keys")
+            raise Refused(
+                f"the curve of {rna_paths.spoken(curve.data_path)} holds samples instead of keys: convert it to keys"
+            )
         if modifiers := modifiers_of(curve):
             row["modifiers"] = modifiers
         else:
@@ -99,7 +101,7 @@ def modifiers_of(curve: bpy.types.FCurve) -> list[dict[str, Any]]:
 
 
 def modifier_of(curve: bpy.types.FCurve, modifier: bpy.types.FModifier) -> dict[str, Any]:
-    what = f"the modifier {modifier.type.capitalize()} of the curve of {curve.data_path}"
+    what = f"the modifier {modifier.type.capitalize()} of the curve of {rna_paths.spoken(curve.data_path)}"
     if modifier.type not in _SETTINGS:
         raise Refused(f"{what} is not covered: bake it into keys")
     is_partial = modifier.use_restricted_range or modifier.use_influence

@@ -46,7 +46,7 @@ class Outside:
             except ValueError:
                 value = None
             if not isinstance(value, int | float):
-                raise curves.Refused(f"it reads {path} of {block.name}, which is no number")
+                raise curves.Refused(f"it reads {rna_paths.spoken(path)} of {block.name}, which is no number")
             self.read[name] = (block, path)
         return name
 
@@ -99,7 +99,7 @@ def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -
                 elif is_wanted(ob, path, found):
                     yield driver_of(path, curve, row, read, found, outside)
             except curves.Refused as reason:
-                found.refused.append(f"the driver of {path}: {reason}")
+                found.refused.append(f"the driver of {rna_paths.spoken(path)}: {reason}")
 
 
 def _check_invalid(block: bpy.types.ID, curve: bpy.types.FCurve) -> None:
@@ -117,7 +117,7 @@ def path_of(start: str, path: str) -> str:
 def is_wanted(ob: bpy.types.Object, path: str, found: targets.Targets) -> bool:
     """Whether poses depend on it. Refuses what moves the object."""
     if rna_paths.moves_object(path):
-        found.refused.append(f"{ob.name} itself moves (its {path} is animated): move a bone instead")
+        found.refused.append(f"{ob.name} itself moves (its {rna_paths.spoken(path)} is animated): move a bone instead")
         return False
     return rna_paths.has_effect(path)
 

@@ -117,7 +117,7 @@ def _check(ob: bpy.types.Object) -> None:
     own = (each for each in animation.drivers_of(ob) if rna_paths.moves_object(each.data_path))
     driven = next((each for each in own if not animation.sets_nothing(ob, each)), None)
     if driven is not None:
-        raise curves.Refused(f"{driven.data_path} of {ob.name} has a driver")
+        raise curves.Refused(f"{rna_paths.spoken(driven.data_path)} of {ob.name} has a driver")
 
 
 def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
@@ -128,7 +128,7 @@ def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
         if not rna_paths.moves_object(path):
             continue
         if path not in (*_CHANNELS, *_DELTAS):
-            raise curves.Refused(f"{path} of {ob.name} is keyed")
+            raise curves.Refused(f"{rna_paths.spoken(path)} of {ob.name} is keyed")
         row["path"] = f"{_start_of(ob)}.{path}"
         yield curves.animated(row, curve)
 

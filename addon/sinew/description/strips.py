@@ -41,7 +41,9 @@ class Actions:
         if stored not in self._known:
             path = rna_paths.normalised(stored)
             if rna_paths.moves_object(path):
-                raise curves.Refused(f"{self._ob.name} itself moves (its {path} is animated): move a bone instead")
+                raise curves.Refused(
+                    f"{self._ob.name} itself moves (its {rna_paths.spoken(path)} is animated): move a bone instead"
+                )
             self._known[stored] = path if rna_paths.has_effect(path) else None
             if rna_paths.has_effect(path):
                 self.mixed[path] = _mixed(self._ob, path)

@@ -153,6 +153,13 @@ def trust_again(rig: rigs.Rig) -> None:
         rig.is_distrusted = found is None or found == rig.distrusted
 
 
+def trust(rig: rigs.Rig) -> None:
+    """Lets an armature be computed again whose program has differed from Blender."""
+    rig.is_distrusted = rig.has_differed = False
+    rig.difference, rig.distrusted, rig.reason = None, None, ""
+    rig.tries = rig.tries_to_skip = 0
+
+
 def drop(rig: rigs.Rig) -> list[rigs.Rig]:
     """Drops what is recorded and computed of an armature, and of those whose bones follow it. Returns them."""
     reached = [rig]

@@ -267,7 +267,9 @@ def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
         for variable in curve.driver.variables:
             read = {target.id for target in variable.targets}
             if read & known and read - known:
-                mixed |= dict.fromkeys(read, f"the driver of {curve.data_path} reads it together with something else")
+                mixed |= dict.fromkeys(
+                    read, f"the driver of {rna_paths.spoken(curve.data_path)} reads it together with something else"
+                )
     for each in followed:
         why = objects.why_not(each) or mixed.get(each, "")
         if not why and not each.visible_get(view_layer=layer) and (each.type != "CURVE" or objects.may_move(each)):
@@ -365,17 +367,19 @@ def _add_driven(block: Any, curve: Any, name: str, rig: Any, found: Followers) -
     try:
         relations.on_each_frame(curve.driver)
     except ValueError as reason:
-        raise NotFreezable(f"the driver of {curve.data_path} of {name} reads it, and {reason}") from None
+        raise NotFreezable(
+            f"the driver of {rna_paths.spoken(curve.data_path)} of {name} reads it, and {reason}"
+        ) from None
     found.driven.append((block, curve.data_path, curve.array_index))
     for path in filter(None, _paths_read(curve, rig)):
         bone = rna_paths.BONE.match(path)
         channel = bone and re.match(r"\.(\w+)", path[bone.end() :])
         is_recorded = path.startswith("pose.") and channel is not None and channel[1] in _RECORDED
         if not is_recorded and any(path.startswith(each) for each in animation.animated_paths(rig)):
-            found.reads[path] = f"{curve.data_path} of {name}"
+            found.reads[path] = f"{rna_paths.spoken(curve.data_path)} of {name}"
         elif path.startswith("data."):
             if any(path[5:].startswith(each) for each in animation.animated_paths(rig.data)):
-                found.reads[path] = f"{curve.data_path} of {name}"
+                found.reads[path] = f"{rna_paths.spoken(curve.data_path)} of {name}"
 
 
 def _paths_read(curve: Any, rig: Any) -> list[str]:

@@ -8,7 +8,7 @@ import bpy
 
 from ..blender import animation, dependencies, values
 from ..clips import clip_store
-from ..description import driver_rows
+from ..description import driver_rows, rna_paths
 from ..host import relations
 from ..run import characters
 from . import changes, computing, differences, followers, leading, rigs
@@ -67,7 +67,10 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
     unknown = own.reads.keys() - {each.path for each in rig.source.settings}
     if unknown:
         path = min(unknown)
-        return f"the driver of {own.reads[path]} reads {path} of {rig.name}, which is animated and not recorded"
+        return (
+            f"the driver of {own.reads[path]} reads {rna_paths.spoken(path)} of {rig.name}, which is animated and not "
+            "recorded"
+        )
     if rig.ob.mode == "POSE" and not rig.is_posable:
         return being_edited(rig.ob)
     reason = why_live(rig, scene, layer)
@@ -89,7 +92,7 @@ def why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:
     bone = unkeyed_bone(rig, scene)
     if bone:
         return (
-            f"{rig.name} has changes that are not keyed (bone {bone}): they would be lost on another frame, so it "
+            f'{rig.name} has changes that are not keyed (bone "{bone}"): they would be lost on another frame, so it '
             "stays live"
         )
     if rig.restless > 1:
@@ -108,7 +111,7 @@ def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
         return f"keyframes of {rig.name} set more than channels of bones, constraints' influence and custom properties"
     bone = unkeyed_bone(rig, scene)
     if bone:
-        return f"{rig.name} has changes that are not keyed (bone {bone})"
+        return f'{rig.name} has changes that are not keyed (bone "{bone}")'
     if followed := followers.unkeyed(rig.ob, scene):
         return f"{followed}, which {rig.name} follows, has changes that are not keyed"
     graph = rig.graph()
@@ -200,7 +203,9 @@ def check(rig: Any, layer: Any) -> list[Any]:
     for bone in rig.pose.bones:
         timed = next((each for each in dependencies.constraints_of(bone) if each.type in followers.TIMED), None)
         if timed is not None:
-            raise NotFreezable(f"{timed.name} of {rig.name}'s bone {bone.name} may change on each frame by itself")
+            raise NotFreezable(
+                f'{timed.name} of the bone "{bone.name}" of {rig.name} may change on each frame by itself'
+            )
     followers.check_moving(rig, moving, layer)
     return followers.not_still((each for each in outside if each.type == "ARMATURE"), None)
 
@@ -216,14 +221,15 @@ def _check_driver(rig: Any, curve: Any) -> None:
         has_word = re.search(rf"\b({words})\b", driver.expression)
         if has_word or not driver_rows.reads_variables_only(driver):
             raise NotFreezable(
-                f"the driver of {curve.data_path} of {rig.name} may change on each frame by itself: {driver.expression}"
+                f"the driver of {rna_paths.spoken(curve.data_path)} of {rig.name} may change on each frame by itself: "
+                f"{driver.expression}"
             )
     for variable in driver.variables:
         for target in variable.targets:
             if variable.type == "CONTEXT_PROP" or target.id is not None and not _may_be_read(rig, target.id):
                 raise NotFreezable(
-                    f"the driver of {curve.data_path} of {rig.name} reads {getattr(target.id, 'name', 'the scene')}, "
-                    "outside of it, which may change on each frame"
+                    f"the driver of {rna_paths.spoken(curve.data_path)} of {rig.name} reads "
+                    f"{getattr(target.id, 'name', 'the scene')}, outside of it, which may change on each frame"
                 )
 
 

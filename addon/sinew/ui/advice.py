@@ -47,6 +47,8 @@ def _about_evaluation(ob: bpy.types.Object, entry: Any) -> list[Advice]:
     if ob.sinew.armature is None and ob.sinew.modifiers:
         return [Advice(entry.way.reason, (), True)]
     fixes = ((cures.KeepGenerated.bl_idname, "Add a Basis"),) if entry.way.wants_keys else ()
+    if cures.first_in_the_way(ob) is not None:
+        fixes = ((cures.MoveDown.bl_idname, "Move Down"),)
     return [Advice(f"Blender's own modifier deforms it: {_lower(entry.way.reason)}", fixes)]
 
 

@@ -1,6 +1,7 @@
 """Operators that fix what the panel warns about."""
 
 from contextlib import contextmanager
+from typing import Any
 
 import bpy
 import numpy as np
@@ -9,6 +10,7 @@ from mathutils.kdtree import KDTree
 from ..blender import armatures, meshes
 from ..install import bind, mending
 from ..plan import survey
+from ..run import characters
 from ..stencils import searching
 from . import available
 
@@ -77,6 +79,36 @@ class _Cure(available.Explains):
     def nothing_to_cure(cls, ob: bpy.types.Object) -> str:
         """Returns why a mesh does not need it, as far as that is soon known; "" otherwise."""
         return ""
+
+
+def first_in_the_way(ob: bpy.types.Object) -> Any:
+    """Returns the modifier of a bound mesh that keeps Sinew from it because it comes before the armature's, or None."""
+    entry, ours = characters.looked_at(ob), ob.sinew.modifiers
+    if entry is None or not entry.way.reason or not ours:
+        return None
+    before = list(ob.modifiers)[: list(ob.modifiers).index(ours[0])]
+    said = entry.way.reason.partition(" comes before ")
+    return next((each for each in before if said[1] and said[0].startswith(each.name)), None)
+
+
+class MoveDown(_Cure, bpy.types.Operator):
+    """Move the modifier that comes before the Armature modifier, with which Sinew has to begin, to behind it. The shape
+    may change: look at it afterwards"""
+
+    bl_idname = "object.sinew_move_down"
+    bl_label = "Move Modifier Behind the Armature's"
+    wants_armature = False
+
+    @classmethod
+    def nothing_to_cure(cls, ob):
+        return "" if first_in_the_way(ob) is not None else f"No modifier of {ob.name} is in Sinew's way"
+
+    def execute(self, context):
+        ob = context.active_object
+        modifier, last = first_in_the_way(ob), ob.sinew.modifiers[-1]
+        bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=list(ob.modifiers).index(last))
+        self.report({"INFO"}, f"{modifier.name} comes after {last.name} now: look at the shape")
+        return {"FINISHED"}
 
 
 class KeepGenerated(available.Explains, bpy.types.Operator):
@@ -250,6 +282,7 @@ class MakeSingleUser(_Cure, bpy.types.Operator):
 
 
 CLASSES = (
+    MoveDown,
     KeepGenerated,
     RemoveDoubles,
     NormalizeWeights,

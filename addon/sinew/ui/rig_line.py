@@ -1,6 +1,7 @@
 """What the panels say about the rig of a mesh: whether it is computed natively, or why it is not."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,8 @@ from bpy_extras.io_utils import ExportHelper
 
 from ..description import reading
 from ..feedback import notice
-from ..played import differences, rigs
+from ..played import changes, differences, rigs
+from .weights import select_bones
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) -> None:
@@ -28,8 +30,82 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) 
         column.label(text=second, icon="BLANK1")
     if reason:
         notice.draw_sentence(column, context, reason, False)
-    if getattr(rigs.get(armature), "difference", None) is not None:
-        column.operator(ReportRig.bl_idname).armature = armature.name_full
+        _draw_cures(column, armature, reason)
+
+
+def _draw_cures(layout: bpy.types.UILayout, armature: Any, reason: str) -> None:
+    """Draws the buttons for what keeps an armature from being native."""
+    rig, row = rigs.get(armature), layout.row(align=True)
+    if rig is None:
+        return
+    if bone_of(armature, reason):
+        row.operator(SelectBone.bl_idname).armature = armature.name_full
+    if rig.is_distrusted:
+        row.operator(AccelerateAgain.bl_idname).armature = armature.name_full
+    if rig.source.refusal and rigs.has_animation(armature):
+        row.operator("object.sinew_freeze", text="Record Instead")
+    if rig.difference is not None:
+        row.operator(ReportRig.bl_idname).armature = armature.name_full
+
+
+def bone_of(armature: Any, reason: str) -> str:
+    """Returns the name of the bone that a sentence about an armature names, or ""."""
+    named = re.findall(r'bone "([^"]+)"', reason)
+    return next((name for name in named if name in armature.pose.bones), "")
+
+
+class _OfRig:
+    """What the operators of one armature's buttons have in common. Each defines `cure(context, rig)`."""
+
+    armature: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
+
+    def execute(self: Any, context):
+        ob = next((each for each in context.view_layer.objects if each.name_full == self.armature), None)
+        rig = rigs.get(ob) if ob is not None else None
+        if rig is None:
+            self.report({"ERROR"}, f"No rig {self.armature or 'without a name'} of this view layer was accelerated")
+            return {"CANCELLED"}
+        return self.cure(context, rig)
+
+
+class SelectBone(_OfRig, bpy.types.Operator):
+    """Select the bone that keeps the rig from being computed, in Pose Mode"""
+
+    bl_idname = "object.sinew_select_bone"
+    bl_label = "Select Bone"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    def cure(self, context, rig):
+        name = bone_of(rig.ob, text_of(rig.ob)[1])
+        if not name:
+            self.report({"ERROR"}, f"No bone keeps {rig.name} from being native")
+            return {"CANCELLED"}
+        if not rig.ob.visible_get():
+            self.report({"ERROR"}, f"{rig.name} is hidden: show it first")
+            return {"CANCELLED"}
+        if context.mode not in {"OBJECT", "POSE"} or context.active_object not in (None, rig.ob):
+            bpy.ops.object.mode_set(mode="OBJECT")
+        for other in context.selected_objects:
+            other.select_set(other == rig.ob)
+        rig.ob.select_set(True)
+        context.view_layer.objects.active = rig.ob
+        bpy.ops.object.mode_set(mode="POSE")
+        select_bones(rig.ob, {name})
+        rig.ob.data.bones.active = rig.ob.data.bones[name]
+        return {"FINISHED"}
+
+
+class AccelerateAgain(_OfRig, bpy.types.Operator):
+    """Compare the rig with Blender again: it has differed twice, so it is not computed until its settings change"""
+
+    bl_idname = "object.sinew_accelerate_again"
+    bl_label = "Accelerate Again"
+    bl_options = {"REGISTER", "INTERNAL"}
+
+    def cure(self, _context, rig):
+        changes.trust(rig)
+        notice.redraw()
+        return {"FINISHED"}
 
 
 def text_of(armature: Any) -> tuple[str, str]:
@@ -74,5 +150,5 @@ class ReportRig(bpy.types.Operator, ExportHelper):
         return {"FINISHED"}
 
 
-CLASSES = (ReportRig,)
+CLASSES = (SelectBone, AccelerateAgain, ReportRig)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)
