@@ -150,7 +150,7 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
         "6",
         "Influences",
         "Sinew's Part",
-        "object.sinew_measure",
+        "Measure",
         "Threads",
         "Attribute",
         "Instructions",
@@ -171,7 +171,8 @@ def test_weights(fresh_scene):
     ob = make_mesh(armature, False)
     select(ob)
     buttons = ["Parent with Sinew Weights", "object.sinew_check_weights"]
-    assert draw("SidebarWeights", ()) == [*buttons, "object.sinew_show_bone_lines"]
+    tools = ["Transfer", "Smooth", "Mirror", "Reduce"]
+    assert draw("SidebarWeights", ()) == [*buttons, *tools, "object.sinew_show_bone_lines"]
     bpy.ops.object.sinew_check_weights(most_influences=2)
     select(armature)
     said = draw("SidebarWeights", ())

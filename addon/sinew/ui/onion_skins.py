@@ -75,8 +75,9 @@ def are_shown(context: bpy.types.Context) -> bool:
 
 
 class SidebarOnionSkins(InSidebar, bpy.types.Panel):
-    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_onion", "VIEW3D_PT_sinew_frozen"
-    bl_label = "Onion Skins"
+    bl_idname = "VIEW3D_PT_sinew_onion"
+    bl_label = "Onion Skins and Motion Paths"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
         self.layout.operator(ToggleOnionSkins.bl_idname, icon="ONIONSKIN_ON", depress=are_shown(context))

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ..run import characters
-from . import bone_lines, method_settings, sections, weights
+from . import bone_lines, method_settings, sections, weight_reduction, weights
 
 
 class InSidebar:
@@ -82,28 +82,16 @@ class Smooth:
         method_settings.draw_smoothing(layout_of(self), context.object)
 
 
-class Chain:
-    bl_label = "Chain"
+class Details:
+    bl_label = "Details"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        entry = deformed_character(context)
-        return entry is not None and entry.way.in_pass and entry.is_deforming
-
-    def draw(self, context):
-        sections.draw_chain(layout_of(self), context.object, deformed_character(context))
-
-
-class Statistics:
-    bl_label = "Statistics"
 
     @classmethod
     def poll(cls, context):
         return deformed_character(context) is not None
 
     def draw(self, context):
-        sections.draw_statistics(layout_of(self), context.scene, characters.character(bound_mesh(context)))
+        sections.draw_details(layout_of(self), context, deformed_character(context))
 
 
 class SidebarMain(Main, InSidebar, bpy.types.Panel):
@@ -122,12 +110,8 @@ class SidebarSmooth(Smooth, InSidebar, bpy.types.Panel):
     bl_idname, bl_parent_id = "VIEW3D_PT_sinew_smooth", "VIEW3D_PT_sinew"
 
 
-class SidebarChain(Chain, InSidebar, bpy.types.Panel):
-    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_chain", "VIEW3D_PT_sinew"
-
-
-class SidebarStatistics(Statistics, InSidebar, bpy.types.Panel):
-    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_statistics", "VIEW3D_PT_sinew"
+class SidebarDetails(Details, InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_details", "VIEW3D_PT_sinew"
 
 
 class SidebarWeights(InSidebar, bpy.types.Panel):
@@ -140,6 +124,7 @@ class SidebarWeights(InSidebar, bpy.types.Panel):
 
     def draw(self, context):
         weights.draw(self.layout, context)
+        weight_reduction.draw_tools(self.layout)
         bone_lines.draw(self.layout)
 
 
@@ -177,12 +162,8 @@ class ModifiersSmooth(Smooth, InModifiers, bpy.types.Panel):
     bl_idname, bl_parent_id = "DATA_PT_sinew_smooth", "DATA_PT_sinew"
 
 
-class ModifiersChain(Chain, InModifiers, bpy.types.Panel):
-    bl_idname, bl_parent_id = "DATA_PT_sinew_chain", "DATA_PT_sinew"
-
-
-class ModifiersStatistics(Statistics, InModifiers, bpy.types.Panel):
-    bl_idname, bl_parent_id = "DATA_PT_sinew_statistics", "DATA_PT_sinew"
+class ModifiersDetails(Details, InModifiers, bpy.types.Panel):
+    bl_idname, bl_parent_id = "DATA_PT_sinew_details", "DATA_PT_sinew"
 
 
 class ArmatureMain(Main, bpy.types.Panel):
@@ -202,16 +183,14 @@ CLASSES = (
     SidebarPoses,
     SidebarInfluence,
     SidebarSmooth,
-    SidebarChain,
-    SidebarStatistics,
+    SidebarDetails,
     SidebarWeights,
     SidebarBakeAndCrowd,
     ModifiersMain,
     ModifiersPoses,
     ModifiersInfluence,
     ModifiersSmooth,
-    ModifiersChain,
-    ModifiersStatistics,
+    ModifiersDetails,
     ArmatureMain,
 )
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -115,14 +115,22 @@ def text_of(armature: Any) -> tuple[str, str]:
     if rig is None:
         return "", ""
     if rig.is_frozen and rig.source.is_proven:
-        own, blender, frames = rig.source.milliseconds, rig.source.blender_milliseconds, len(rig.source.compared)
-        compared = f", {own:.2f} ms (Blender {blender:.2f})\nCompared on {frames} frame{'s' * (frames != 1)}"
-        return f"Rig: native{compared if blender else ''}", ""
+        own, blender = rig.source.milliseconds, rig.source.blender_milliseconds
+        if not own or not blender:
+            return "Rig: native", ""
+        gain = f", {blender / own:.1f} times faster" if blender > own else ""
+        return f"Rig: native{gain}\n{own:.2f} ms (Blender {blender:.2f})", ""
     if rig.is_idle:
         return "Rig: native" if rig.is_posable else "Rig: recorded", ""
     if rig.stays_live:
         return "Rig: Blender's", ""
     return ("Rig: Blender's", rig.reason) if rig.needs_program and rig.reason else ("", "")
+
+
+def compared(armature: Any) -> int:
+    """Returns on how many frames the rig of an armature was compared with Blender, if it is native."""
+    rig = rigs.get(armature) if armature is not None else None
+    return len(rig.source.compared) if rig is not None and rig.source.is_proven else 0
 
 
 class ReportRig(bpy.types.Operator, ExportHelper):

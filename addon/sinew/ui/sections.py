@@ -255,9 +255,12 @@ def time_text(milliseconds: float | None) -> str:
     return NOT_PLAYED if milliseconds is None else f"{milliseconds:.2f} ms"
 
 
-def draw_statistics(layout: bpy.types.UILayout, scene: bpy.types.Scene, entry: Any) -> None:
-    timings = entry.status.timings.recent()
-    column = layout.column(align=True)
+def draw_details(layout: bpy.types.UILayout, context: bpy.types.Context, entry: Any) -> None:
+    ob = context.object
+    if entry.way.in_pass and entry.is_deforming:
+        draw_chain(layout, ob, entry)
+        layout.separator()
+    timings, column = entry.status.timings.recent(), layout.column(align=True)
     own, made = entry.deformer.vertex_count, entry.deformer.result_count
     draw_value(column, "Vertices", f"{own:,}" if own == made else f"{own:,}, made into {made:,}")
     for layer in entry.layers[:1]:
@@ -266,16 +269,15 @@ def draw_statistics(layout: bpy.types.UILayout, scene: bpy.types.Scene, entry: A
         draw_value(column, "Influences", f"{mean:.2f}, at most {layer.skin.most_influences}")
         draw_value(column, "Unweighted", f"{layer.influences.unweighted_count:,}")
     draw_value(column, "Path", WAYS[entry.way.kind if entry.is_deforming else "BLENDER"])
-    column.separator()
-    measured = whole_frames.last(scene)
+    if entry.is_deforming:
+        draw_value(column, "Sinew's Part", time_text(timings and timings.total))
+    measured = whole_frames.last(context.scene)
     if measured is not None:
         draw_value(column, "Whole Frame", f"{measured.sinew:.2f} ms")
         draw_value(column, "Without Sinew", f"{measured.blender:.2f} ms")
-    column.operator(MeasureFrames.bl_idname, icon="TIME")
-    column.separator()
-    if entry.is_deforming:
-        draw_value(column, "Sinew's Part", time_text(timings and timings.total))
-        column.separator()
+    compared = rig_line.compared(display.armature_of(ob))
+    if compared:
+        draw_value(column, "Rig Compared", f"{compared} frame{'s' * (compared != 1)}")
     draw_value(column, "Instructions", sinew_native.instruction_set())
     draw_value(column, "Threads", str(sinew_native.thread_count()))
 

@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 from ..blender import meshes, units
 from ..feedback import notice, progress
 from ..weights import background, judging_poses, reducing
-from .weight_tools import EditsWeights, show_in_edit_mode
+from .weight_tools import EditsWeights, MirrorWeights, SmoothWeights, TransferWeights, show_in_edit_mode
 
 FRAMES, TEST = "FRAMES", "TEST"
 DIALOG_WIDTH = 420
@@ -252,6 +252,16 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
                 layout.label(text=f"measuring: {measuring.fraction:.0%}")
         if self._said:
             notice.draw_sentence(layout.box(), context, self._said, False, DIALOG_WIDTH)
+
+
+def draw_tools(layout: bpy.types.UILayout) -> None:
+    """Draws the buttons of the tools that change weights."""
+    column = layout.column(align=True)
+    for pair in ((TransferWeights, SmoothWeights), (MirrorWeights, ReduceInfluences)):
+        row = column.row(align=True)
+        row.operator_context = "INVOKE_DEFAULT"
+        for operator in pair:
+            row.operator(operator.bl_idname, text=operator.bl_label.split()[0])
 
 
 def draw_paint(menu: Any, _context: bpy.types.Context) -> None:
