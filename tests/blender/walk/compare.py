@@ -123,7 +123,7 @@ def looseness(ob):
     factors = [modifier.factor for modifier in ob.modifiers if modifier.type == "CORRECTIVE_SMOOTH"]
     few = FEW if factors else 0.0
     if "SOLIDIFY" in kinds:  # along normals, and those of faces without an area have no direction
-        few = 10 * FEW
+        few = 50 * FEW
     return (1.0 if min(factors, default=0) < 0 else few), LOOSE_TOLERANCE
 
 
