@@ -8,7 +8,7 @@ import pytest
 from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
-from characters import add_shape_keys, make_armature, make_tube, pose, twin_of
+from characters import accelerate, add_shape_keys, make_armature, make_tube, pose, twin_of
 from helpers import addon_module, evaluated, select
 from side_names import SIDE_NAMES
 from test_automatic_weights import BONES, armature_of, dense, group_names, paint, parent, places
@@ -291,6 +291,17 @@ def test_what_nothing_deforms_gets_a_modifier():
     for ob in (suit, child):
         assert ob.parent == armature and [modifier.object for modifier in ob.modifiers] == [armature]
     assert other.parent is None and [modifier.name for modifier in other.modifiers] == ["Own"]
+
+
+def test_a_mesh_that_is_accelerated_without_an_armature_gets_a_modifier():
+    body, armature = make_body()
+    suit = suit_of(body)
+    suit.shape_key_add(name="Basis")
+    suit.shape_key_add(name="Key")
+    accelerate(suit)
+    assert suit.sinew.is_bound and suit.sinew.armature is None
+    transfer(body, suit)
+    assert [each.object for each in suit.modifiers if each.type == "ARMATURE"] == [armature]
 
 
 def test_what_hangs_on_a_bone_stays_there():
