@@ -524,7 +524,7 @@ def test_the_place_of_the_armature_in_local_space_is_refused(armature):
 
 def test_what_is_not_covered_is_refused_by_name(armature):
     armature.pose.bones["b"].constraints.new("SHRINKWRAP").name = "Onto"
-    assert 'the constraint "Onto" of the bone "b": the type SHRINKWRAP is not covered' in refusal(armature)
+    assert 'the constraint "Onto" of the bone "b": the type Shrinkwrap is not covered' in refusal(armature)
     armature.pose.bones["b"].constraints[0].mute = True
     assert differences(armature) == []
 
@@ -794,7 +794,7 @@ def test_the_command_says_why_a_rig_is_refused(sinew, armature, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
     code, out, _ = sinew("rig", path)
     assert code == 1
-    assert 'cannot be a program: the constraint "Onto" of the bone "b": the type SHRINKWRAP is not covered' in out
+    assert 'cannot be a program: the constraint "Onto" of the bone "b": the type Shrinkwrap is not covered' in out
 
 
 @pytest.mark.parametrize("how", ("eye", "monitor", "collection", "no scene"))

@@ -56,7 +56,8 @@ def constraints_of(
         for constraint in dependencies.constraints_of(bone):
             try:
                 if (kind := constraint.type) not in known:
-                    raise curves.Refused(f"the type {kind} is not covered")
+                    title = constraint.bl_rna.properties["type"].enum_items[kind].name
+                    raise curves.Refused(f"the type {title} is not covered")
                 yield row_of(name, constraint, kind, found)
             except curves.Refused as reason:
                 if not constraint.mute or is_animated(ob, constraint):

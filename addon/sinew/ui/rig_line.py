@@ -29,7 +29,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) 
         column.label(text=first, icon="ARMATURE_DATA" if first else "BLANK1")
         column.label(text=second, icon="BLANK1")
     if reason:
-        notice.draw_sentence(column, context, reason, False)
+        notice.draw_sentence(column, context, reason[0].upper() + reason[1:], False)
         _draw_cures(column, armature, reason)
 
 
