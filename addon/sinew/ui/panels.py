@@ -100,10 +100,13 @@ class Statistics:
 
     @classmethod
     def poll(cls, context):
-        return deformed_character(context) is not None
+        return bound_mesh(context) is not None
 
     def draw(self, context):
-        sections.draw_statistics(layout_of(self), context.scene, characters.character(bound_mesh(context)))
+        entry = deformed_character(context)
+        if entry is not None:
+            sections.draw_statistics(layout_of(self), context.scene, entry)
+        sections.draw_program(layout_of(self), context)
 
 
 class SidebarMain(Main, InSidebar, bpy.types.Panel):
