@@ -124,6 +124,8 @@ class SinewPreferences(bpy.types.AddonPreferences):
         column.prop(self, "uses_memory")
         for sentence in contract.sentences():
             notice.draw_sentence(column, context, sentence, False)
+        if memory_use.has_crashed():
+            column.operator(TryAgain.bl_idname, icon="FILE_REFRESH")
         column.prop(self, "frozen_memory")
         column.prop(self, "log_file")
         column.separator()
@@ -134,6 +136,23 @@ class SinewPreferences(bpy.types.AddonPreferences):
         row = layout.row(align=True)
         row.label(text=f"{sinew_native.instruction_set()}, {sinew_native.thread_count()} threads at work", icon="INFO")
         row.operator(OpenManual.bl_idname, icon="HELP")
+
+
+class TryAgain(bpy.types.Operator):
+    """Use Blender's memory again, although Blender crashed while Sinew used it"""
+
+    bl_idname = "wm.sinew_try_again"
+    bl_label = "Try Again"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, _context):
+        return memory_use.has_crashed()
+
+    def execute(self, _context):
+        memory_use.try_again()
+        _apply_use()
+        return {"FINISHED"}
 
 
 class OpenManual(bpy.types.Operator):
@@ -150,7 +169,7 @@ class OpenManual(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (onion_settings.SinewOnionSettings, OpenManual, SinewPreferences)
+CLASSES = (onion_settings.SinewOnionSettings, TryAgain, OpenManual, SinewPreferences)
 
 
 def register() -> None:
