@@ -10,9 +10,9 @@ from pathlib import Path
 import bpy
 import pytest
 
-from helpers import COMMAND, needs_program
+from helpers import COMMAND, needs_memory, needs_program
 
-pytestmark = needs_program
+pytestmark = [needs_program, needs_memory]
 VERSION = ".".join(map(str, bpy.app.version))
 CRASHED = (
     f"Blender {VERSION} crashed while Sinew used its memory, so Blender's own modifiers deform: press Try Again in "

@@ -7,9 +7,23 @@ import subprocess
 import bpy
 import pytest
 
-from helpers import COMMAND, addon_module, evaluated, shortcut_of, way
+from characters import accelerate, make_armature, make_mesh, pose
+from helpers import (
+    COMMAND,
+    addon_module,
+    assert_same_shape,
+    evaluated,
+    is_deforming,
+    needs_memory,
+    own_positions,
+    reopened,
+    shortcut_of,
+    twin_of,
+    way,
+)
 from zoo import Zoo, forget_memory
 
+pytestmark = needs_memory  # to begin with
 SWITCH = "Use Blender's Memory is off, so Blender's own modifiers deform: switch it on in Sinew's preferences"
 SAFE = "SINEW_SAFE is set, so Blender's own modifiers deform: start Blender without it"
 
@@ -119,3 +133,57 @@ def test_the_environment_keeps_sinew_from_it(character, tmp_path, value):
         assert SAFE in result.stdout
     else:
         assert found["program"]["off"] == [] and said[0].endswith("features on") and ": all " in said[0]
+
+
+@pytest.mark.says_errors
+def test_a_shape_that_only_sinew_has_is_not_taken_for_it(fresh_scene, character, preferences, sinew, tmp_path, caplog):
+    """Everything says so, and nothing bakes it."""
+    ob, _, _ = character
+    ob.sinew.method = "ROTATION_CENTERS"
+    fresh_scene.frame_set(5)
+    assert way(ob) != "BLENDER"
+    preferences.uses_memory = False
+    fresh_scene.frame_set(6)
+    sentence = f"The shape of {ob.name} lacks its method or smoothing, which Blender does not have. {SWITCH}"
+    assert [record.getMessage() for record in caplog.records] == [
+        f"without their methods or smoothing, which Blender does not have: {ob.name}"
+    ]
+    assert any(sentence[1:] in advice.text for advice in addon_module("ui.advice").warnings(ob))
+    path = tmp_path / "character.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    assert sentence in sinew("info", path)[1]
+    code, _out, err = sinew("bake", path, "-o", tmp_path)
+    assert code == 1 and sentence in err
+    code, _out, err = sinew("bake-to-bones", path, "--rig-bones", "--frames", "1-3")
+    assert code == 1 and sentence in err
+    ob = next(each for each in bpy.data.objects if each.type == "MESH" and each.sinew.is_bound)
+    ob.sinew.method = "LINEAR"
+    assert addon_module("plan.survey").lacks_own_shape(ob) == ""
+
+
+@pytest.mark.parametrize("keys", (False, True))
+@pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
+def test_a_file_that_is_saved_without_plays_with_it_again(fresh_scene, preferences, tmp_path, keys, output):
+    armature = make_armature()
+    ob = make_mesh(armature, keys)
+    ob.modifiers.new("Smooth", "CORRECTIVE_SMOOTH")
+    twin = twin_of(ob)
+    for frame in (1, 10):
+        pose(armature, frame, keys)
+    accelerate(ob, output=output)
+    kinds = []
+    for uses in (True, False, False, True):
+        preferences.uses_memory = uses
+        ob, twin = reopened(tmp_path, ob, twin)
+        for frame in range(2, 9):
+            bpy.context.scene.frame_set(frame)
+            assert_same_shape(ob, twin)
+            if output == "MESH":
+                copy = ob.sinew.deformed
+                wanted = evaluated(twin)
+                if uses:
+                    assert abs(own_positions(copy) - wanted).max() < 1e-4
+        assert ob.sinew.installed_output == output
+        kinds.append((way(ob), is_deforming(ob), bool(shortcut_of(ob))))
+    assert kinds[0] == kinds[3] and kinds[0][1:] == (True, True)
+    assert kinds[1] == kinds[2] == ("BLENDER", False, False)

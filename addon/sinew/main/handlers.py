@@ -469,6 +469,9 @@ def take_over_open_file() -> None:
         else:
             wiring.revive(ob)
             mending.adapt(ob)
+    lacking = [ob.name for ob in characters.bound_objects() if survey.lacks_own_shape(ob)]
+    if lacking:  # a render, too, would not show it
+        log.warning("without their methods or smoothing, which Blender does not have: %s", ", ".join(lacking))
     shared_group.see_to()
     for ob in characters.with_copy():
         mail.post(bind.follow_when_evaluated, values.key_of(ob))  # a file's first evaluation calls no handler

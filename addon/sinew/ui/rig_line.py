@@ -10,6 +10,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from ..description import reading
 from ..feedback import notice
+from ..host import contract, features
 from ..played import differences, rigs
 
 
@@ -33,6 +34,8 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) 
 def text_of(armature: Any) -> tuple[str, str]:
     """Returns how it is with an armature, one or two lines, and why Blender evaluates it, a sentence; "" for nothing to
     say."""
+    if not contract.has(features.FREEZING):
+        return "", contract.why_not(features.FREEZING)
     rig = rigs.get(armature)
     if rig is None:
         return "", ""
