@@ -332,6 +332,10 @@ def test_preferences_without_a_module():
     assert problem(ImportError("nothing"), files).endswith(
         "this package has those for Python 3.7 (win_amd64), Python 3.6 (x86_64-linux-gnu)"
     )
+    wheels = ["sinew_native-0.2.0-cp36-cp36-win_amd64.whl", "sinew_native-0.2.0-cp37-cp37-manylinux_2_34_x86_64.whl"]
+    assert problem(ImportError("nothing"), wheels).endswith(
+        "this package has those for Python 3.6 (win_amd64), Python 3.7 (manylinux_2_34_x86_64)"
+    )
     assert problem(ImportError("nothing"), []).endswith("this package has none")
     here = f"sinew_native{EXTENSION_SUFFIXES[0]}"
     assert problem(ImportError("GLIBC_9 not found"), [*files, here]).endswith("does not load: GLIBC_9 not found")
