@@ -24,7 +24,7 @@ def _modules():
 
         return (without_native,)
     from .cli import command_line
-    from .main import handlers, properties, write_lock
+    from .main import handlers, memory_use, properties, write_lock
     from .onion import ghost_handlers
     from .played import frame_handlers
     from .ui import (
@@ -53,6 +53,7 @@ def _modules():
     return (
         properties,
         preferences,
+        memory_use,
         rig_files,
         rig_line,
         operators,

@@ -17,19 +17,25 @@ def problem_of_import(error, files):
     """Returns why the module could not be loaded, for users. files: names of the compiled files in this package."""
     if any(f"sinew_native{suffix}" in files for suffix in EXTENSION_SUFFIXES):
         return f"Sinew's native library for {HERE} does not load: {error}"
-    # cpython-311-x86_64-linux-gnu, cpython-311-darwin, cp311-win_amd64
-    made_for = [re.search(r"\.c(?:python-|p)3(\d+)-([\w-]+)\.", name) for name in sorted(files)]
+    # cpython-311-x86_64-linux-gnu, cpython-311-darwin, cp311-win_amd64; in a wheel's name cp311-cp311-win_amd64
+    made_for = [re.search(r"[.-]c(?:python-|p)3(\d+)-(?:cp\d+-)?([\w-]+)\.", name) for name in sorted(files)]
     there = ", ".join(f"Python 3.{found[1]} ({found[2]})" for found in made_for if found)
     return f"Sinew has no native library for {HERE}; this package has {f'those for {there}' if there else 'none'}"
 
 
 def _load():
-    """Returns (module or None, problem)."""
+    """Returns (module or None, problem). The module is in this folder, or in one of the wheels in it, of which Blender
+    has installed the one for its Python."""
+    folder = Path(__file__).parent
+    files = [path.name for path in folder.glob("sinew_native.*")]
+    wheels = [path.name for path in folder.glob("wheels/sinew_native-*.whl")]
     try:
-        from . import sinew_native as module
+        if wheels and not files:
+            import sinew_native as module
+        else:
+            from . import sinew_native as module
     except ImportError as error:
-        files = [path.name for path in Path(__file__).parent.glob("sinew_native.*")]
-        return None, problem_of_import(error, files)
+        return None, problem_of_import(error, files or wheels)
     if module.__version__ != VERSION:
         return None, (
             f"Sinew {VERSION} was installed over {module.__version__}, whose native library is "

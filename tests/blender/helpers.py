@@ -25,6 +25,11 @@ maps_files = pytest.mark.skipif(
 # For tests that need more of the program than its scripts.
 needs_program = pytest.mark.skipif(not bpy.app.binary_path, reason="this Blender is but a Python module")
 needs_rig_programs = pytest.mark.skipif(bpy.app.version < (4, 2, 0), reason="rigs are programs from Blender 4.2 on")
+# With SINEW_SAFE=1, shapes have to be right, and nothing may fail. A test that asks whether, or how, Sinew deforms is
+# skipped from there on.
+IS_SAFE = os.environ.get("SINEW_SAFE", "0") not in ("", "0")
+WITHOUT_MEMORY = "without Blender's memory, Blender's own modifiers deform and Blender evaluates all rigs"
+needs_memory = pytest.mark.skipif(IS_SAFE, reason=WITHOUT_MEMORY)
 RIGS = {
     "capsule": ROOT / "data/capsule/skeleton.bf",
     "ogre": ROOT / "data/ogre/skeleton.bf",
@@ -80,16 +85,26 @@ def evaluated(ob, graph=None):
     return positions.reshape(-1, 3)
 
 
+def end_without_memory(*deforms):
+    """Ends a test with SINEW_SAFE=1. deforms: whether Sinew deforms."""
+    if IS_SAFE:
+        assert not any(deforms)
+        pytest.skip(WITHOUT_MEMORY)
+
+
 def way(ob):
     """Which way a bound mesh goes, once Blender has evaluated it: "ATTRIBUTE", "KEYS" or "BLENDER"."""
     entry = addon_module("run.characters").character(ob)
+    end_without_memory(entry.way.kind != "BLENDER")
     assert entry.way.kind == "BLENDER" or entry.is_wired
     return entry.way.kind
 
 
 def is_deforming(ob):
     """Whether Sinew deformed a bound mesh in its last evaluation."""
-    return addon_module("run.characters").character(ob).is_deforming
+    deforms = addon_module("run.characters").character(ob).is_deforming
+    end_without_memory(deforms)
+    return deforms
 
 
 def own_positions(ob):
@@ -145,11 +160,13 @@ def assert_same_hair(ob, reference):
 
 def stages(ob):
     """Names of the modifiers of the run that Sinew stands in for, but for Armature modifiers."""
+    end_without_memory()
     return list(addon_module("run.characters").character(ob).run.stages)
 
 
 def end(ob):
     """(name of the modifier at which the run ends, why)."""
+    end_without_memory()
     run = addon_module("run.characters").character(ob).run
     return run.end, run.reason
 
@@ -222,7 +239,9 @@ def make_fail(monkeypatch, name):
 def shortcut_of(ob, graph=None):
     """Returns the shortcut of an object's evaluated copy, or None."""
     known = addon_module("run.graph_copies").at(ob.evaluated_get(graph or depsgraph()).as_pointer())
-    return known and known.fast_path.shortcut
+    found = known and known.fast_path.shortcut
+    end_without_memory(found)
+    return found
 
 
 def override(linked):

@@ -11,12 +11,12 @@ import pytest
 from mathutils import Euler
 
 from characters import make_armature, make_mesh, pose
-from helpers import addon_module, depsgraph, evaluated, into_a_shot, needs_rig_programs, select
+from helpers import addon_module, depsgraph, evaluated, into_a_shot, needs_memory, needs_rig_programs, select
 from test_frozen import EDITS, FRAMES, freezing, layer, opened_cast, recorded
 from test_frozen_computed import key, move, state, undo_a_pose
 from test_frozen_who import both, can_render, in_a_collection
 
-pytestmark = needs_rig_programs
+pytestmark = [needs_rig_programs, needs_memory]
 
 
 def accelerating():

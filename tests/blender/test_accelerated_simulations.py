@@ -5,14 +5,14 @@ import bpy
 import numpy as np
 import pytest
 
-from helpers import depsgraph, evaluated, needs_rig_programs, select
+from helpers import depsgraph, evaluated, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, accelerating, keep_live, wait
 from test_frozen import Cast, freezing, layer
 from test_frozen_who import both
 from test_same_pass import make_grid
 from zoo import curves_of
 
-pytestmark = needs_rig_programs
+pytestmark = [needs_rig_programs, needs_memory]
 LAST = 14
 
 

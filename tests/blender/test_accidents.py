@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
-from helpers import addon_module, assert_same_shape, evaluated, import_rig, select, stages, traces, twin_of, way
+from helpers import (
+    addon_module,
+    assert_same_shape,
+    evaluated,
+    import_rig,
+    needs_memory,
+    select,
+    stages,
+    traces,
+    twin_of,
+    way,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -259,6 +270,7 @@ def test_a_bone_of_a_further_modifier_is_renamed(fresh_scene, other_armature):
     assert len(ob.sinew.modifiers) == 2
 
 
+@needs_memory
 def test_a_bone_of_shared_armature_data_is_deleted(fresh_scene, character):
     """Through another object that has the same data. Blender gives up the driver, which waits for the bone."""
     ob, twin, armature = character
@@ -277,6 +289,7 @@ def test_a_bone_of_shared_armature_data_is_deleted(fresh_scene, character):
     assert entry.plan.hook_of(ob).driver.is_valid and entry.is_deforming
 
 
+@needs_memory
 def test_a_further_modifier_is_mixed_in_later(character, other_armature):
     """Blender evaluates its armature first: else its pose would now and then be that of the frame before."""
     ob, twin, armature = character
@@ -305,6 +318,7 @@ def test_a_bone_of_a_mesh_that_several_objects_have_is_renamed(fresh_scene):
         assert_plays(ob, twin)
 
 
+@needs_memory
 def test_a_bone_loses_its_parent(fresh_scene):
     """Blender then evaluates the parent at any time, no longer before the bone, so the hook has to wait for it too."""
     ob, armature = import_rig("capsule")

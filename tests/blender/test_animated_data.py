@@ -34,6 +34,7 @@ from helpers import (
     end,
     evaluated,
     is_deforming,
+    needs_memory,
     select,
     stages,
     twin_of,
@@ -464,6 +465,7 @@ def test_every_setting_of_a_modifier_is_followed_or_left_to_blender(fresh_scene,
     assert len(played.moving) > {key: 18, drive: 18, strip: 4}[animate] / (1 + keys)
 
 
+@needs_memory
 @pytest.mark.parametrize("animate", (key, drive))
 @pytest.mark.parametrize("before", ("Armature", "LATTICE"))
 def test_a_modifier_is_left_to_blender_if_one_behind_it_mixes_on_some_frames(fresh_scene, before, animate):
@@ -665,6 +667,7 @@ def test_whatever_is_changed_in_a_driver_is_seen(fresh_scene):
     assert "is driven" in animated.why(data, "ARMATURE")
 
 
+@needs_memory
 def test_whatever_is_changed_in_a_hook_is_seen(fresh_scene):
     """Its variables are only read again if their bytes differ."""
     wiring, driver_bytes = addon_module("plan.wiring"), addon_module("host.driver_bytes")

@@ -7,7 +7,7 @@ import pytest
 from mathutils import Euler, Matrix
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, with_bendy_bones
-from helpers import addon_module, assert_same_shape, diagonal, evaluated, select, twin_of, way
+from helpers import addon_module, assert_same_shape, diagonal, evaluated, needs_memory, select, twin_of, way
 
 METHODS = ("LINEAR", "DUAL_QUATERNION")
 
@@ -264,6 +264,7 @@ def test_weights_painted_and_settings_changed_while_it_plays(fresh_scene, method
     assert_same_shape(ob, reference)
 
 
+@needs_memory
 @pytest.mark.parametrize("kind", (lambda ob: None, add_shape_keys), ids=("plain", "shape keys"))
 def test_nothing_is_built_anew_while_it_plays(fresh_scene, kind):
     """Neither Sinew's own writing nor an animated pose counts as an edit."""
@@ -281,6 +282,7 @@ def test_nothing_is_built_anew_while_it_plays(fresh_scene, kind):
         assert addon_module("run.characters").character(ob).deformer is deformer
 
 
+@needs_memory
 def test_bones_are_compared_after_edits_alone(fresh_scene, monkeypatch):
     """Not on a frame; and once, however many meshes use the armature."""
     armature = make_armature()
@@ -323,6 +325,7 @@ def test_bones_renamed_while_bound(fresh_scene, parented):
     assert_same_shape(ob, reference)
 
 
+@needs_memory
 def test_bound_again_with_another_output(fresh_scene):
     armature = make_armature()
     ob = make_mesh(armature, False)

@@ -26,6 +26,7 @@ from helpers import (
     end,
     evaluated,
     is_deforming,
+    needs_memory,
     select,
     stages,
     twin_of,
@@ -274,6 +275,7 @@ def test_behind_modifiers_that_make_vertices(fresh_scene, kind, later):
     assert is_deforming(ob)
 
 
+@needs_memory
 def test_the_deformed_copy(fresh_scene):
     ob = make_body()
     others_between(ob)

@@ -8,7 +8,7 @@ import pytest
 from mathutils import Vector
 
 from characters import accelerate, constrain, make_armature, make_mesh, make_tube
-from helpers import addon_module, depsgraph, evaluated, into_a_shot, is_deforming, select, twin_of
+from helpers import addon_module, depsgraph, evaluated, into_a_shot, is_deforming, needs_memory, select, twin_of
 from relations_of_blender import bones_not_awaited
 
 
@@ -69,6 +69,7 @@ def test_a_constraint_that_is_added_and_one_that_gets_longer(character, kind):
     assert is_deforming(ob)
 
 
+@needs_memory
 def test_what_is_missed_would_be_noticed(character, monkeypatch):
     ob, armature = character
     constrain(armature, "bone4", "IK", chain_count=3, target=target_of("IK"))

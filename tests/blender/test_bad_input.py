@@ -6,7 +6,17 @@ import bpy
 import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose
-from helpers import addon_module, assert_same_shape, copied_rig, data_counts, import_rig, select, twin_of, way
+from helpers import (
+    addon_module,
+    assert_same_shape,
+    copied_rig,
+    data_counts,
+    import_rig,
+    needs_memory,
+    select,
+    twin_of,
+    way,
+)
 
 
 def write(name, text):
@@ -217,6 +227,7 @@ def to_front(ob, name):
         bpy.ops.object.modifier_move_up(modifier=name)
 
 
+@needs_memory
 def test_what_cannot_be_followed_is_refused_and_left_alone():
     ob, _ = import_rig("capsule")
     select(ob)

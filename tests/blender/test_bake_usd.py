@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
-from helpers import addon_module, diagonal, evaluated, select
+from helpers import addon_module, diagonal, evaluated, needs_memory, select
 
 pytestmark = pytest.mark.usefixtures("usd")
 FRAMES = range(1, 8)
@@ -206,6 +206,7 @@ def test_points_where_a_skeleton_does_not_say_it_all(figure, tmp_path, change, r
     assert_points(tmp_path / "Tube.usdc", figure)
 
 
+@needs_memory
 def test_subdivision_is_left_to_the_reader(figure, tmp_path):
     expected = shown(figure)
     smoothed(figure, "Sub", "SUBSURF", levels=1)

@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
-from helpers import addon_module, assert_same_shape, evaluated, own_positions, select, traces, traces_of, twin_of
+from helpers import (
+    addon_module,
+    assert_same_shape,
+    evaluated,
+    needs_memory,
+    own_positions,
+    select,
+    traces,
+    traces_of,
+    twin_of,
+)
 
 FRAMES = (2, 8)
 
@@ -261,6 +271,7 @@ def show_off(ob):
     ob.sinew.show_shape = True
 
 
+@needs_memory
 @pytest.mark.parametrize("change", (change_output, show_off))
 def test_settings_changed_in_edit_mode(pair, change):
     ob, twin = pair.objects

@@ -8,7 +8,7 @@ import bpy
 import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose
-from helpers import addon_module, assert_same_shape, import_rig, twin_of
+from helpers import addon_module, assert_same_shape, import_rig, needs_memory, twin_of
 
 OTHERS = 300  # objects, meshes, materials and images in no scene
 MOST_CALLS_A_FRAME = 50  # of all handlers together
@@ -127,6 +127,7 @@ def test_an_update(counted):
     assert ten[0] <= 20 * alone[0]
 
 
+@needs_memory
 def test_a_frame_of_clips_and_copies(fresh_scene, counted):
     ob, armature = import_rig("capsule", output="MESH")
     settle(armature)
@@ -156,6 +157,7 @@ def test_meshes_left_to_blender(counted):
 # --- what came and went is known all the same -----------------------------------------------------
 
 
+@needs_memory
 def test_deleted_by_a_script_between_frames(fresh_scene):
     """No update comes in between."""
     clip, _ = import_rig("capsule", output="MESH")
@@ -175,6 +177,7 @@ def test_deleted_by_a_script_between_frames(fresh_scene):
     assert addon_module("run.characters").bound_objects() == [plain]
 
 
+@needs_memory
 def test_a_copy_that_a_script_makes_plays_at_once(fresh_scene):
     """With output Mesh and a clip of its own, and no update in between."""
     ob, armature = import_rig("capsule", output="MESH")
@@ -203,6 +206,7 @@ def test_renamed_it_is_still_known(fresh_scene, character):
     assert_same_shape(ob, twin)
 
 
+@needs_memory
 def test_a_mesh_is_shared_and_single_again_while_others_are_there(fresh_scene, character):
     """Whoever has the mesh as well is noticed by the number of its users."""
     ob, twin, _ = character

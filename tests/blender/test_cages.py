@@ -27,6 +27,7 @@ from helpers import (
     end,
     evaluated,
     into_a_shot,
+    needs_memory,
     own_positions,
     reopened,
     select,
@@ -125,6 +126,7 @@ def on_an_armature(ob):
     smoothed(ob, "Armature", "ARMATURE", object=armature)
 
 
+@needs_memory
 @pytest.mark.parametrize("moved", MOVED, ids=lambda part: part.__name__)
 @pytest.mark.parametrize("before", (nothing, add_shape_keys, on_an_armature), ids=lambda part: part.__name__)
 def test_twenty_frames(fresh_scene, before, moved):
@@ -140,6 +142,7 @@ def test_twenty_frames(fresh_scene, before, moved):
     assert way(ob) == ("KEYS" if before is add_shape_keys else "ATTRIBUTE")
 
 
+@needs_memory
 @pytest.mark.parametrize("before", (nothing, add_shape_keys, on_an_armature), ids=lambda part: part.__name__)
 def test_animated_switches_and_driven_strength(fresh_scene, before):
     by_its_place(make_cage())
@@ -162,6 +165,7 @@ def test_animated_switches_and_driven_strength(fresh_scene, before):
     assert stages(ob) == ["Lattice", "Corrective"] and end(ob) == ("", "")
 
 
+@needs_memory
 @pytest.mark.parametrize("spline", SPLINES)
 def test_every_interpolation_and_resolution(fresh_scene, spline):
     for counts in ((2, 2, 2), (1, 4, 1), (5, 3, 4)):
@@ -174,6 +178,7 @@ def test_every_interpolation_and_resolution(fresh_scene, spline):
         assert_moves(fresh_scene, ob, twin, (1, 5, 9))
 
 
+@needs_memory
 def test_settings(fresh_scene):
     """Of the modifier and of the lattice: strength, groups, outside."""
     cage = make_cage(counts=(4, 4, 4))
@@ -217,6 +222,7 @@ def test_settings(fresh_scene):
     both(lambda m: setattr(m, "strength", 0))
 
 
+@needs_memory
 def test_edits_are_seen_at_once(fresh_scene):
     cage = make_cage()
     by_keys(cage)
@@ -267,6 +273,7 @@ def test_edits_are_seen_at_once(fresh_scene):
     check()
 
 
+@needs_memory
 def test_edit_mode_of_the_lattice(fresh_scene):
     """Blender follows the points that are being edited."""
     cage = make_cage()
@@ -287,6 +294,7 @@ def test_edit_mode_of_the_lattice(fresh_scene):
     assert_it_is_sinew(ob)
 
 
+@needs_memory
 def test_a_lattice_without_size(fresh_scene):
     cage = make_cage()
     ob = make_tube()
@@ -301,6 +309,7 @@ def test_a_lattice_without_size(fresh_scene):
     assert_it_is_sinew(ob)
 
 
+@needs_memory
 def test_a_lattice_that_depends_on_the_mesh(fresh_scene):
     cage = make_cage()
     ob = make_tube()
@@ -312,6 +321,7 @@ def test_a_lattice_that_depends_on_the_mesh(fresh_scene):
     assert "Cage, which it follows, depends on Tube itself: remove one of the two" in str(error.value)
 
 
+@needs_memory
 def test_undo(fresh_scene):
     cage = make_cage()
     by_its_place(cage)
@@ -334,6 +344,7 @@ def test_undo(fresh_scene):
         assert_it_is_sinew(ob)
 
 
+@needs_memory
 def test_output_mesh(fresh_scene):
     by_keys(make_cage())
     ob = make_tube()
@@ -347,6 +358,7 @@ def test_output_mesh(fresh_scene):
     assert_it_is_sinew(ob)
 
 
+@needs_memory
 @pytest.mark.parametrize("moved", (by_keys, by_a_hook), ids=lambda part: part.__name__)
 def test_save_and_reload(fresh_scene, tmp_path, moved):
     moved(make_cage())
@@ -358,6 +370,7 @@ def test_save_and_reload(fresh_scene, tmp_path, moved):
     assert_reopens(tmp_path, ob, twin)
 
 
+@needs_memory
 @pytest.mark.parametrize("overridden", (False, True), ids=("linked", "overridden"))
 def test_from_a_library(fresh_scene, tmp_path, overridden):
     cage = make_cage()
@@ -459,6 +472,7 @@ def dressed(fresh_scene):
     return ob, twin, body
 
 
+@needs_memory
 @pytest.mark.parametrize("bound", (False, True), ids=("body of Blender", "body of Sinew"))
 @pytest.mark.parametrize("keys", (False, True), ids=("", "keys"))
 def test_clothes(fresh_scene, bound, keys):
@@ -479,6 +493,7 @@ def test_clothes(fresh_scene, bound, keys):
     assert not bound or assert_it_is_sinew(body) is None
 
 
+@needs_memory
 def test_clothes_by_an_armature_too(fresh_scene):
     body = make_body()
     ob = make_tube()
@@ -491,6 +506,7 @@ def test_clothes_by_an_armature_too(fresh_scene):
     assert stages(ob) == ["Surface"]
 
 
+@needs_memory
 def test_both_outputs_of_a_body(fresh_scene, dressed):
     """Clothes on a body with the output Mesh, and with it themselves."""
     ob, twin, body = dressed
@@ -503,6 +519,7 @@ def test_both_outputs_of_a_body(fresh_scene, dressed):
         assert np.array_equal(own_positions(ob.sinew.deformed), evaluated(ob))
 
 
+@needs_memory
 @pytest.mark.parametrize("sparse", (False, True), ids=("", "sparse"))
 @pytest.mark.parametrize("invert", (False, True), ids=("", "inverted"))
 def test_settings_of_clothes(fresh_scene, sparse, invert):
@@ -535,6 +552,7 @@ def check_of(scene, ob, twin):
     return check
 
 
+@needs_memory
 def test_edits_of_clothes_and_body(fresh_scene, dressed):
     ob, twin, body = dressed
     check = check_of(fresh_scene, ob, twin)
@@ -625,6 +643,7 @@ def test_clothes_of_another_vertex_count(fresh_scene, dressed):
     assert f"it was bound to 1,200 vertices, and the mesh has {count:,}: bind it again" in reason
 
 
+@needs_memory
 def test_modes_of_the_body(fresh_scene, dressed):
     ob, twin, body = dressed
     for mode in ("EDIT", "SCULPT", "WEIGHT_PAINT"):
@@ -639,6 +658,7 @@ def test_modes_of_the_body(fresh_scene, dressed):
     assert_moves(fresh_scene, ob, twin, (1, 5))
 
 
+@needs_memory
 @pytest.mark.parametrize("bound", (False, True), ids=("body of Blender", "body of Sinew"))
 def test_a_subdivided_body(fresh_scene, bound):
     """Blender may put the subdivision off until somebody asks for the vertices."""
@@ -654,6 +674,7 @@ def test_a_subdivided_body(fresh_scene, bound):
     assert_moves(fresh_scene, ob, twin, (1, 5, 9))
 
 
+@needs_memory
 def test_undo_of_clothes(fresh_scene, dressed):
     ob, twin, body = dressed
     names = ob.name, twin.name, body.name
@@ -671,12 +692,14 @@ def test_undo_of_clothes(fresh_scene, dressed):
         assert_moves(bpy.context.scene, ob, twin, (5, 6, 11))
 
 
+@needs_memory
 def test_clothes_are_saved_and_reloaded(fresh_scene, dressed, tmp_path):
     ob, twin, _body = dressed
     fresh_scene.frame_set(4)
     assert_reopens(tmp_path, ob, twin)
 
 
+@needs_memory
 @pytest.mark.parametrize("overridden", (False, True), ids=("linked", "overridden"))
 def test_clothes_from_a_library(fresh_scene, dressed, tmp_path, overridden):
     ob, twin, body = dressed
@@ -733,6 +756,7 @@ def box(fresh_scene):
     return make_mesh_cage(body.modifiers["Armature"].object)
 
 
+@needs_memory
 @pytest.mark.parametrize("keys", (False, True), ids=("", "keys"))
 def test_in_a_box(fresh_scene, box, keys):
     ob = boxed(box)
@@ -747,6 +771,7 @@ def test_in_a_box(fresh_scene, box, keys):
     assert stages(ob) == ["Box", "Corrective"] and end(ob) == ("", "")
 
 
+@needs_memory
 def test_in_a_box_of_sinew(fresh_scene, box):
     """And both move against each other."""
     ob = boxed(box)
@@ -765,6 +790,7 @@ def test_in_a_box_of_sinew(fresh_scene, box):
     assert_same_on_all_frames(fresh_scene, ob, twin, (1, 2))
 
 
+@needs_memory
 @pytest.mark.parametrize("invert", (False, True), ids=("", "inverted"))
 def test_settings_in_a_box(fresh_scene, box, invert):
     ob = boxed(box, vertex_group="bone2", invert_vertex_group=invert)
@@ -781,6 +807,7 @@ def test_settings_in_a_box(fresh_scene, box, invert):
         assert_moves(fresh_scene, ob, twin, (2, 3, 9))
 
 
+@needs_memory
 def test_edits_of_a_box(fresh_scene, box):
     ob = boxed(box)
     twin = twin_of(ob)
@@ -859,6 +886,7 @@ def test_dynamic_is_left_to_blender(fresh_scene, box):
     assert end(ob) == ("Box", "it was bound with Dynamic, which Sinew cannot evaluate: bind it without")
 
 
+@needs_memory
 def test_a_box_is_saved_and_reloaded(fresh_scene, box, tmp_path):
     ob = boxed(box)
     twin = twin_of(ob)
@@ -905,6 +933,7 @@ def test_clothes_that_share_a_mesh(fresh_scene):
     assert stages(other) == ["Surface", "Lattice"]
 
 
+@needs_memory
 def test_clothes_are_rendered(fresh_scene, dressed, tmp_path):
     """With motion blur, on a body that Sinew deforms."""
     ob, twin, body = dressed

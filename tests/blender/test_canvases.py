@@ -17,6 +17,7 @@ from helpers import (
     depsgraph,
     evaluated,
     into_a_shot,
+    needs_memory,
     override,
     reopened,
     select,
@@ -101,6 +102,7 @@ def test_the_fast_path_watches_the_canvas(pairs):
     assert are_deforming(pairs) == [True] * 3
 
 
+@needs_memory
 def test_armatures_of_their_own(fresh_scene):
     pairs = family(2)
     other = make_armature()
@@ -114,6 +116,7 @@ def test_armatures_of_their_own(fresh_scene):
     assert are_deforming(pairs) == [True] * 2
 
 
+@needs_memory
 def test_modifiers_behind_it(fresh_scene):
     def add(ob):
         ob.modifiers.new("Corrective", "CORRECTIVE_SMOOTH").iterations = 3
@@ -405,6 +408,7 @@ def test_particles(pairs):
     assert [takes_all(ob) for ob, _twin in pairs] == [False, IN_ALL, IN_ALL]
 
 
+@needs_memory
 def test_the_output_mesh(fresh_scene):
     pairs = family(2)
     select(pairs[0][0])
@@ -436,6 +440,7 @@ def test_rendered(fresh_scene, tmp_path, set_up):
     assert_same_pictures(*pictures)
 
 
+@needs_memory
 @pytest.mark.parametrize("with_front", (False, True), ids=("plain", "with a front"))
 def test_eight_objects_and_many_edits(fresh_scene, with_front):
     """Blender evaluates them at the same time."""

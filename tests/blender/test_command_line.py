@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, animate, make_armature, make_mesh, make_tube, pose, smoothed
-from helpers import RIGS, addon_module, copied_rig, evaluated, needs_program, own_positions
+from helpers import RIGS, addon_module, copied_rig, evaluated, needs_memory, needs_program, own_positions
 
 CAPSULE = str(RIGS["capsule"].parent)
 
@@ -97,6 +97,7 @@ def test_info_for_people(sinew, capsule_blend):
     assert header.index("vertices") + len("vertices") == row.index("3,986") + len("3,986")
 
 
+@needs_memory
 def test_info_says_what_deforms_a_mesh_and_what_sinew_cannot(document, tmp_path):
     armature = make_armature()
     bound, _plain = make_mesh(armature, True), make_mesh(armature, True)
@@ -158,6 +159,7 @@ def test_info_says_what_deforms_a_mesh_and_what_sinew_cannot(document, tmp_path)
 # --- import and export ----------------------------------------------------------------------------
 
 
+@needs_memory
 def test_import_takes_the_importers_options(document, tmp_path):
     path = tmp_path / "a.blend"
     found = document(
@@ -264,6 +266,7 @@ def assert_times(found, methods):
         assert result["largest_distance"] < 1e-5
 
 
+@needs_memory
 @pytest.mark.parametrize("output", ("modifier", "mesh"))
 def test_bench_of_a_rig_folder(document, output):
     found = document("bench", CAPSULE, "--frames", 4, "--output-kind", output)
@@ -272,6 +275,7 @@ def test_bench_of_a_rig_folder(document, output):
     assert (found["frames"], found["output"], found["skipped"]) == (4, output, {})
 
 
+@needs_memory
 def test_bench_of_a_blend_leaves_it_alone(document, capsule_blend):
     before = capsule_blend.read_bytes()
     found = document("bench", capsule_blend, "--frames", 12, "--method", "dual-quaternion")
@@ -279,6 +283,7 @@ def test_bench_of_a_blend_leaves_it_alone(document, capsule_blend):
     assert capsule_blend.read_bytes() == before
 
 
+@needs_memory
 def test_bench_of_a_scene_of_several_meshes(document, tmp_path):
     """Bound or not; masked and mixed as it was set since it was bound; hung by its parent alone; one
     that Sinew cannot deform, and one that is hidden."""
@@ -304,6 +309,7 @@ def test_bench_of_a_scene_of_several_meshes(document, tmp_path):
     assert "No vertex group of Tube.003" in found["skipped"]["Tube.003"]
 
 
+@needs_memory
 def test_bench_of_a_mesh_without_an_armature(document, tmp_path):
     animate(smoothed(make_tube(), "Smooth", "SMOOTH", iterations=30), factor=(0, 9))
     found = document("bench", save(tmp_path), "--frames", 4, "--method", "linear")
@@ -311,6 +317,7 @@ def test_bench_of_a_mesh_without_an_armature(document, tmp_path):
     assert found["meshes"] == [{"name": "Tube", "vertices": 1200, "bones": 0}]
 
 
+@needs_memory
 def test_bench_does_not_depend_on_the_preferences_of_duplication(document, capsule_blend):
     edit = bpy.context.preferences.edit
     edit.use_duplicate_mesh = edit.use_duplicate_armature = edit.use_duplicate_action = False

@@ -6,12 +6,12 @@ import logging
 import bpy
 import pytest
 
-from helpers import addon_module, needs_rig_programs
+from helpers import addon_module, needs_memory, needs_rig_programs
 from test_accelerated_rigs import accelerate, cast_of_small_rigs, wait
 from test_frozen import freezing, layer
 from test_frozen_who import both
 
-pytestmark = needs_rig_programs
+pytestmark = [needs_rig_programs, needs_memory]
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from helpers import (
     evaluated,
     into_a_shot,
     make_fail,
+    needs_memory,
     own_positions,
     select,
     traces,
@@ -20,6 +21,8 @@ from helpers import (
     way,
 )
 from test_safety import put_away
+
+pytestmark = needs_memory
 
 
 @pytest.fixture(params=(lambda ob: None, add_shape_keys), ids=("plain", "shape keys"))

@@ -6,12 +6,12 @@ import bpy
 import numpy as np
 import pytest
 
-from helpers import addon_module, needs_rig_programs, select
+from helpers import addon_module, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, keep_live, wait
 from test_frozen import Cast, layer
 from test_frozen_who import both
 
-pytestmark = needs_rig_programs
+pytestmark = [needs_rig_programs, needs_memory]
 NOW, OTHER = 3, 8
 HAS_SLOTS = bpy.app.version >= (4, 4, 0)
 NOT_COVERED = "NOISE", "SMOOTH"  # by rig programs: modifiers of curves

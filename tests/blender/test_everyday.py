@@ -15,6 +15,7 @@ from helpers import (
     assert_same_shape,
     evaluated,
     is_deforming,
+    needs_memory,
     own_positions,
     select,
     traces,
@@ -53,6 +54,7 @@ def assert_released(scene, ob, shape, rounding=0.0):
     assert not ob.sinew.is_bound and not traces()
 
 
+@needs_memory
 def test_the_modifier_is_applied(fresh_scene, character):
     ob, _, _ = character
     shape = evaluated(ob)
@@ -180,6 +182,7 @@ def test_settings_that_are_animated_are_followed(fresh_scene, character, means):
     assert way(ob) == ("BLENDER" if means == "driver" else "ATTRIBUTE")
 
 
+@needs_memory
 @pytest.mark.parametrize("mode", ("EDIT", "SCULPT"))
 def test_where_people_edit_what_they_see_blender_deforms(fresh_scene, character, mode):
     """Its tools look for its own modifier there, and its switches for Edit Mode count."""
@@ -219,6 +222,7 @@ def test_the_eye_of_the_modifier(fresh_scene, character, keys):
     assert way(ob) == ("KEYS" if keys else "ATTRIBUTE")
 
 
+@needs_memory
 def test_the_modifiers_are_removed(fresh_scene, character):
     """Sinew's: Blender's own takes over. The Armature modifier: nothing deforms the mesh any more."""
     ob, twin, _ = character
@@ -276,6 +280,7 @@ def test_files_of_the_importer_can_be_chosen_from_a_list():
     assert of_poses(chosen, nobody, "") == []
 
 
+@needs_memory
 @pytest.mark.says_errors
 def test_what_cannot_be_mended_is_asked_for_once(fresh_scene, character, monkeypatch):
     """Else the main thread would tag the object, and be asked again by the evaluation that follows, for ever."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, make_armature, make_mesh
-from helpers import RIGS, addon_module, evaluated, import_rig, own_positions, select
+from helpers import RIGS, addon_module, evaluated, import_rig, needs_memory, own_positions, select
 
 
 def read(folder, skeleton):
@@ -45,6 +45,7 @@ def test_round_trip(fresh_scene, tmp_path, name):
         assert np.allclose(evaluated(again), shape, atol=1e-6 * np.abs(shape).max())
 
 
+@needs_memory
 def test_mesh_output_exports_the_rest(fresh_scene, tmp_path):
     ob, _ = import_rig("capsule", output="MESH")
     fresh_scene.frame_set(9)

@@ -13,6 +13,7 @@ from helpers import (
     evaluated,
     is_deforming,
     maps_files,
+    needs_memory,
     needs_rig_programs,
     twin_of,
     way,
@@ -129,6 +130,7 @@ def test_a_bound_character_is_exported_as_an_unbound_one(tmp_path, name, with_ke
     assert max(errors.values()) < 1e-5, errors
 
 
+@needs_memory
 @needs_rig_programs
 @pytest.mark.parametrize("name", EXPORTERS)
 def test_a_character_whose_rig_is_computed_is_exported_as_an_unbound_one(tmp_path, name, monkeypatch):
@@ -196,6 +198,7 @@ def test_usd_itself_moves_the_file_to_the_shape_that_blender_shows(tmp_path, wit
         assert np.abs(np.array(mesh.GetPointsAttr().Get(frame)) - shown).max() < 1e-4 * diagonal(shown)
 
 
+@needs_memory
 @pytest.mark.parametrize("name", ("USD points", "Alembic"))
 def test_points_have_the_shape_of_what_sinew_alone_can_do(tmp_path, name):
     """No skeleton could say it."""

@@ -4,7 +4,7 @@ import bpy
 import pytest
 
 from characters import accelerate, add_shape_keys, animate, make_armature, make_mesh, pose, smoothed
-from helpers import addon_module, data_counts, evaluated, into_a_shot, own_positions, select, traces
+from helpers import addon_module, data_counts, evaluated, into_a_shot, needs_memory, own_positions, select, traces
 
 NOT_KEPT = {"rna_type", "execution_time", "deform_now"}  # the last is the hook
 
@@ -147,6 +147,7 @@ def assert_fails_without_a_change(ob, armature, sentence, output="MODIFIER"):
     assert [name for name in before if before[name] != after[name]] == []
 
 
+@needs_memory
 @pytest.mark.parametrize("fail", FAILURES, ids=lambda fail: fail.__name__)
 @pytest.mark.parametrize("before", BEFORE)
 def test_a_binding_that_fails_has_changed_nothing(tube, monkeypatch, before, fail):
@@ -160,6 +161,7 @@ def test_a_binding_that_fails_has_changed_nothing(tube, monkeypatch, before, fai
     assert_fails_without_a_change(tube, armature, FAILURES[fail])
 
 
+@needs_memory
 @pytest.mark.parametrize("before", BEFORE)
 def test_with_the_output_mesh(tube, before):
     BEFORE[before](tube)
@@ -196,6 +198,7 @@ def test_of_a_linked_mesh(tube, tmp_path):
     assert_fails_without_a_change(ob, ob.modifiers["Armature"].object, "linked from another file")
 
 
+@needs_memory
 def test_of_a_deformed_copy(tube):
     accelerate(tube, "MESH")
     copy = tube.sinew.deformed

@@ -20,6 +20,7 @@ from helpers import (
     depsgraph,
     evaluated,
     into_a_shot,
+    needs_memory,
     reopened,
     select,
     shortcut_of,
@@ -89,6 +90,7 @@ def hidden_byte(modifier, name):
     return ctypes.c_byte.from_address(address_of(modifier, addon_module("host.members").MODIFIERS[modifier.type], name))
 
 
+@needs_memory
 @pytest.mark.parametrize("is_behind", (False, True), ids=("before", "behind"))
 def test_a_mirror_from_before_3_0_keeps_its_order(fresh_scene, is_behind):
     """Blender merges its vertices in another order than those of a new one, and its API does not show that."""
@@ -108,6 +110,7 @@ def test_a_mirror_from_before_3_0_keeps_its_order(fresh_scene, is_behind):
     assert are_deforming(pairs) == [True]
 
 
+@needs_memory
 @pytest.mark.parametrize("kind", sorted(addon_module("host.members").MODIFIERS))
 def test_a_copy_of_a_modifier_has_what_the_api_does_not_show(fresh_scene, kind):
     modifiers, contract = addon_module("blender.modifiers"), addon_module("host.contract")
@@ -140,6 +143,7 @@ def test_the_same_shape(fresh_scene, fronts):
     assert shortcut_of(pairs[0][0], graph) is not None
 
 
+@needs_memory
 def test_mirrored_groups(fresh_scene):
     pairs = bound(character_with(("MIRROR", {"use_axis": (True, False, False)}), add=mirrored))
     assert_all_same(pairs)
@@ -155,6 +159,7 @@ def pairs(request, fresh_scene):
     return found
 
 
+@needs_memory
 def test_all_that_a_mesh_has(pairs, fresh_scene):
     ob, twin = pairs[0]
     for each in pairs[0]:
@@ -230,6 +235,7 @@ EDITS = (
 )
 
 
+@needs_memory
 @pytest.mark.parametrize("edit", EDITS)
 def test_an_edit_is_right_at_once(pairs, edit):
     for each in pairs[0]:
@@ -244,6 +250,7 @@ def test_an_edit_is_right_at_once(pairs, edit):
         assert of_result(pairs[0][0]).keys() == of_result(pairs[0][1]).keys()
 
 
+@needs_memory
 def test_an_edit_on_each_frame_is_left_to_blender(pairs, fresh_scene):
     """It renews nothing until the mesh has stayed as it is for an evaluation."""
     ob = pairs[0][0]
@@ -258,6 +265,7 @@ def test_an_edit_on_each_frame_is_left_to_blender(pairs, fresh_scene):
     assert are_deforming(pairs) == [True]
 
 
+@needs_memory
 def test_the_armature_is_moved_and_posed(pairs):
     rig = pairs[0][0].modifiers["Armature"].object
     rig.location.x = 1
@@ -300,6 +308,7 @@ def test_undo_and_redo(fresh_scene):
     assert len(canvases()) == 1
 
 
+@needs_memory
 @pytest.mark.parametrize("is_linked", (False, True))
 def test_duplicated(pairs, is_linked):
     ob, twin = pairs[0]
@@ -335,12 +344,14 @@ def apply_to(pairs, name):
     bpy.context.view_layer.update()
 
 
+@needs_memory
 def test_the_front_is_applied(pairs):
     apply_to(pairs, pairs[0][0].modifiers[0].name)
     assert_all_same(pairs)
     assert way(pairs[0][0]) == "ATTRIBUTE" and canvases() == []
 
 
+@needs_memory
 def test_the_shape_is_applied(pairs, fresh_scene):
     ob, twin = pairs[0]
     select(ob)
@@ -351,6 +362,7 @@ def test_the_shape_is_applied(pairs, fresh_scene):
     assert_same_shape(ob, twin)
 
 
+@needs_memory
 @pytest.mark.parametrize("mode", ("EDIT", "SCULPT", "WEIGHT_PAINT", "VERTEX_PAINT", "TEXTURE_PAINT"))
 def test_modes(pairs, mode):
     ob, twin = pairs[0]
@@ -364,16 +376,19 @@ def test_modes(pairs, mode):
     assert are_deforming(pairs) == [True]
 
 
+@needs_memory
 def test_saved_and_opened(pairs, tmp_path):
     pairs = [tuple(reopened(tmp_path, *pairs[0]))]
     assert_all_same(pairs)
     assert way(pairs[0][0]) == "CANVAS" and are_deforming(pairs) == [True] and len(canvases()) == 1
 
 
+@needs_memory
 def test_it_plays_without_the_addon(pairs, tmp_path):
     assert_plays_without_the_addon(tmp_path, *pairs[0])
 
 
+@needs_memory
 @pytest.mark.parametrize("set_up", (with_motion_blur, with_persistent_data))
 def test_rendered(pairs, fresh_scene, tmp_path, set_up):
     for each in pairs[0]:
@@ -411,6 +426,7 @@ def test_what_is_left_to_blender(fresh_scene, fronts, add, reason):
     assert reason in addon_module("run.characters").character(pairs[0][0]).way.reason
 
 
+@needs_memory
 def test_it_becomes_animated(pairs, fresh_scene):
     for each in pairs[0]:
         each.modifiers[0].driver_add("show_viewport")
@@ -418,6 +434,7 @@ def test_it_becomes_animated(pairs, fresh_scene):
     assert way(pairs[0][0]) == "BLENDER" and canvases() == []
 
 
+@needs_memory
 def test_the_output_mesh_is_refused(fresh_scene):
     ob = character_with(("SUBSURF", {}))[0][0]
     select(ob)
@@ -426,6 +443,7 @@ def test_the_output_mesh_is_refused(fresh_scene):
     assert not ob.sinew.is_bound
 
 
+@needs_memory
 def test_the_scene_is_simplified(fresh_scene):
     pairs = bound(character_with(("SUBSURF", {"levels": 2})))
     assert_all_same(pairs, (2, 3, 4, 5))
@@ -444,6 +462,7 @@ def test_the_scene_is_simplified(fresh_scene):
         assert are_deforming(pairs) == [True]
 
 
+@needs_memory
 @pytest.mark.parametrize("overridden", (False, True), ids=("linked", "overridden"))
 def test_bound_in_a_library(pairs, tmp_path, overridden):
     collection = bpy.data.collections.new("Character")
@@ -465,12 +484,14 @@ def test_bound_in_a_library(pairs, tmp_path, overridden):
         assert are_deforming(pairs) == [True]
 
 
+@needs_memory
 def test_the_file_has_the_base_mesh_twice_at_most(pairs):
     canvas = pairs[0][0].sinew.canvas
     assert len(canvas.data.vertices) == len(pairs[0][0].data.vertices)
     assert canvas.users_scene == () and canvas.data.users == 1 and pairs[0][0].data.users == 1
 
 
+@needs_memory
 def test_a_new_graph_begins_with_the_result_at_once(pairs, fresh_scene):
     """Its evaluated objects may be where those of an earlier one were."""
     ob, twin = pairs[0]
@@ -504,6 +525,7 @@ def test_children_of_vertices(fresh_scene, later):
     assert way(pairs[0][0]) == "BLENDER"
 
 
+@needs_memory
 def test_particles(pairs):
     for each in pairs[0]:
         add_hair(each)

@@ -13,7 +13,19 @@ import numpy as np
 import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose, with_bendy_bones
-from helpers import COMMAND, addon_module, depsgraph, evaluated, is_deforming, needs_program, select, twin_of
+from helpers import (
+    COMMAND,
+    addon_module,
+    depsgraph,
+    evaluated,
+    is_deforming,
+    needs_memory,
+    needs_program,
+    select,
+    twin_of,
+)
+
+pytestmark = needs_memory
 
 FRAMES = range(1, 11)
 

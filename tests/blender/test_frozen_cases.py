@@ -5,9 +5,11 @@ import bpy
 import pytest
 
 from characters import make_armature
-from helpers import addon_module, depsgraph, evaluated, select
+from helpers import addon_module, depsgraph, evaluated, needs_memory, select
 from test_frozen import FRAMES, freezing, layer, opened_cast, recorded
 from test_frozen_who import both, drive_keys
+
+pytestmark = needs_memory
 
 
 @pytest.fixture

@@ -4,11 +4,11 @@ of a live one, to the bit."""
 import bpy
 import pytest
 
-from helpers import addon_module, needs_rig_programs, select
+from helpers import addon_module, needs_memory, needs_rig_programs, select
 from test_frozen import EDITS, FRAMES, freezing, layer, opened_cast, recorded
 from test_frozen_who import both, drive_keys
 
-pytestmark = needs_rig_programs
+pytestmark = [needs_rig_programs, needs_memory]
 
 
 def computing():

@@ -4,9 +4,11 @@ each, which are equal on each frame: one reads the armature of the live characte
 import bpy
 import pytest
 
-from helpers import addon_module, depsgraph
+from helpers import addon_module, depsgraph, needs_memory
 from test_frozen import FRAMES, freezing, layer, opened_cast
 from test_frozen_who import both
+
+pytestmark = needs_memory
 
 
 @pytest.fixture

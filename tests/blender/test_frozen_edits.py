@@ -7,8 +7,10 @@ import pytest
 from mathutils import Matrix
 
 from characters import add_shape_keys, make_armature, make_tube
-from helpers import addon_module, depsgraph, needs_rig_programs, select
+from helpers import addon_module, depsgraph, needs_memory, needs_rig_programs, select
 from test_frozen import freezing, layer, recorded
+
+pytestmark = needs_memory
 
 FRAMES = (1, 5, 9)
 STILL = 5  # all bones are at rest, and constraints have no influence

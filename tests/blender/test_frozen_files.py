@@ -8,8 +8,10 @@ import bpy
 import numpy as np
 import pytest
 
-from helpers import COMMAND, addon_module, evaluated, needs_program, select
+from helpers import COMMAND, addon_module, evaluated, needs_memory, needs_program, select
 from test_frozen import freezing, layer, opened_cast, script_that_compares
+
+pytestmark = needs_memory
 
 MANY = 500  # frames that are rendered
 

@@ -4,8 +4,10 @@ import bpy
 import numpy as np
 import pytest
 
-from helpers import addon_module, evaluated, select
+from helpers import addon_module, evaluated, needs_memory, select
 from test_frozen import freezing, layer, matrices_of, opened_cast, recorded
+
+pytestmark = needs_memory
 
 
 @pytest.fixture

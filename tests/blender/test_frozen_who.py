@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
-from helpers import addon_module, depsgraph, evaluated, import_rig, needs_rig_programs, select
+from helpers import addon_module, depsgraph, evaluated, import_rig, needs_memory, needs_rig_programs, select
 from test_frozen import FRAMES, freezing, layer, opened_cast, recorded
+
+pytestmark = needs_memory
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from characters import add_shape_keys, smoothed
-from helpers import addon_module, evaluated, needs_rig_programs, select
+from helpers import addon_module, evaluated, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerating, keep_live, wait
 from test_frozen import EDITS, FRAMES, freezing, layer, opened_cast, recorded
 from test_frozen_who import both
@@ -81,6 +81,7 @@ def assert_ghosts(cast, frames):
             assert np.array_equal(ours[frame], theirs)
 
 
+@needs_memory
 @pytest.mark.parametrize("is_frozen", [False, True])
 def test_ghosts_are_the_shapes_of_their_frames(cast, settings, is_frozen):
     settings.before, settings.after, settings.step = 2, 3, 1
@@ -122,6 +123,7 @@ def fill_native(cast, frames):
     return is_any
 
 
+@needs_memory
 @needs_rig_programs
 @pytest.mark.parametrize("is_accelerated_first", (True, False))
 def test_ghosts_of_a_computed_rig_need_no_playing(computed, settings, is_accelerated_first):
@@ -156,6 +158,7 @@ def assert_drawn_as_live(cast, frames):
             assert any(np.allclose(shape, other, atol=1e-5) for other in found[each] if other.shape == shape.shape)
 
 
+@needs_memory
 @needs_rig_programs
 def test_what_is_simulated_or_not_keyed_is_not_evaluated_on_other_frames(computed, settings):
     flag = bpy.data.objects.new("Flag", computed.frozen[2].data.copy())
@@ -171,6 +174,7 @@ def test_what_is_simulated_or_not_keyed_is_not_evaluated_on_other_frames(compute
     assert not fill(computed, [3])
 
 
+@needs_memory
 def test_there_are_none_unless_somebody_asks(cast, settings):
     cast.record()
     assert drawings() == []
@@ -186,6 +190,7 @@ def test_there_are_none_unless_somebody_asks(cast, settings):
     assert recorded().used_memory() == before
 
 
+@needs_memory
 def test_record_plays_what_ghosts_need(cast, settings):
     settings.before, settings.after, settings.step = 1, 1, 4
     cast.record()
@@ -198,6 +203,7 @@ def test_record_plays_what_ghosts_need(cast, settings):
     assert addon_module("played.recording").missing(cast.rig, cast.scene) == []
 
 
+@needs_memory
 def test_ghosts_of_a_frozen_character_are_recorded_while_it_plays_from_memory(cast, settings):
     settings.before, settings.after, settings.step = 1, 1, 2
     cast.freeze()
@@ -211,6 +217,7 @@ def test_ghosts_of_a_frozen_character_are_recorded_while_it_plays_from_memory(ca
     assert_ghosts(cast, [3, 7])
 
 
+@needs_memory
 def test_colors_fade_with_the_distance(cast, settings):
     settings.before, settings.after, settings.step, settings.opacity = 3, 2, 1, 0.5
     settings.color_before, settings.color_after = (1, 0, 0), (0, 1, 0)
@@ -227,6 +234,7 @@ def test_colors_fade_with_the_distance(cast, settings):
     assert order == sorted(order, reverse=True)
 
 
+@needs_memory
 @pytest.mark.parametrize("edit", EDITS)
 def test_no_ghost_is_older_than_an_edit_of_the_armature(cast, settings, edit):
     settings.before, settings.after, settings.step = 5, 5, 1
@@ -243,6 +251,7 @@ def test_no_ghost_is_older_than_an_edit_of_the_armature(cast, settings, edit):
     assert_ghosts(cast, [1, 2, 3, 4, 6, 7, 8, 9, 10])
 
 
+@needs_memory
 def test_moving_a_key_drops_ghosts(cast, settings):
     settings.before, settings.after, settings.step = 8, 8, 1
     toggle(cast)
@@ -286,6 +295,7 @@ def edit_faces(ob):
     ob.modifiers.new("Triangulate", "TRIANGULATE")
 
 
+@needs_memory
 @pytest.mark.parametrize(
     "edit", [edit_mesh, edit_weights, edit_modifier, edit_smoothing, edit_keys, edit_place, edit_faces]
 )
@@ -305,6 +315,7 @@ def test_no_ghost_is_older_than_an_edit_of_the_mesh(cast, settings, edit):
     assert_ghosts(cast, [1, 2, 3, 4, 6, 7, 8, 9, 10])
 
 
+@needs_memory
 def test_triangles_are_read_once_and_again_when_they_change(cast, settings):
     toggle(cast)
     cast.record()
@@ -323,6 +334,7 @@ def test_triangles_are_read_once_and_again_when_they_change(cast, settings):
     assert shape.topology.triangles.max() == len(shape.positions) - 1
 
 
+@needs_memory
 def test_a_prop_on_a_bone_has_ghosts(cast, settings):
     settings.before, settings.after, settings.step = 1, 1, 1
     cast.frozen[3].data.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
@@ -338,6 +350,7 @@ def test_a_prop_on_a_bone_has_ghosts(cast, settings):
         assert np.array_equal(positions[0], np.array(cast.live[3].matrix_world.translation, np.float32))
 
 
+@needs_memory
 def test_hidden_and_removed_objects_have_no_ghosts(cast, settings):
     toggle(cast)
     cast.record()
@@ -354,6 +367,7 @@ def test_hidden_and_removed_objects_have_no_ghosts(cast, settings):
     assert drawings() == []
 
 
+@needs_memory
 def test_undo_keeps_what_is_shown_and_no_old_shape(cast, settings):
     bpy.ops.ed.undo_push(message="before")
     toggle(cast)
@@ -369,6 +383,7 @@ def test_undo_keeps_what_is_shown_and_no_old_shape(cast, settings):
     assert drawings()
 
 
+@needs_memory
 def test_memory_is_limited_together_with_poses(cast, settings):
     limit = recorded().store.limit
     toggle(cast)
@@ -383,6 +398,7 @@ def test_memory_is_limited_together_with_poses(cast, settings):
         recorded().store.set_limit(limit)
 
 
+@needs_memory
 def test_freezing_plays_nothing_for_ghosts(cast):
     cast.record()
     toggle(cast)
@@ -400,6 +416,7 @@ def test_freezing_plays_nothing_for_ghosts(cast):
     assert played == []
 
 
+@needs_memory
 def test_ghosts_keep_no_pose_that_the_store_has_dropped(cast, settings):
     toggle(cast)
     cast.record()
@@ -409,6 +426,7 @@ def test_ghosts_keep_no_pose_that_the_store_has_dropped(cast, settings):
     assert pose() is None
 
 
+@needs_memory
 def test_with_its_poses_a_rig_drops_its_shapes(cast, settings):
     toggle(cast)
     cast.record()
@@ -418,6 +436,7 @@ def test_with_its_poses_a_rig_drops_its_shapes(cast, settings):
     assert not skins.shapes and not skins.seen
 
 
+@needs_memory
 def test_what_cannot_be_drawn_any_more_leaves_the_graphics_card(cast, settings, monkeypatch):
     settings.before, settings.after, settings.step = 2, 2, 1
     drawing = addon_module("onion.ghost_drawing")
@@ -439,6 +458,7 @@ def test_what_cannot_be_drawn_any_more_leaves_the_graphics_card(cast, settings, 
     assert not drawing._batches and not drawing._triangles
 
 
+@needs_memory
 def test_another_file_has_no_ghosts(cast, settings):
     toggle(cast)
     cast.record()
@@ -447,6 +467,7 @@ def test_another_file_has_no_ghosts(cast, settings):
     assert recorded().used_memory() == 0
 
 
+@needs_memory
 def test_nothing_of_it_is_in_the_file(cast, settings):
     def state():
         blocks = [block for each in bpy.data.user_map() for block in [each]]
@@ -468,6 +489,7 @@ def test_the_button_says_what_lacks(cast, settings):
     assert not bpy.ops.object.sinew_onion_skins.poll()
 
 
+@needs_memory
 @pytest.mark.usefixtures("no_program")
 def test_the_timeline_marks_recorded_frames(cast):
     strips = addon_module("ui.recorded_frames")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
-from helpers import addon_module, assert_same_shape, shortcut_of, twin_of
+from helpers import addon_module, assert_same_shape, needs_memory, shortcut_of, twin_of
 from test_render import add_camera, render_frames, with_motion_blur
 
 
@@ -69,6 +69,7 @@ def test_other_bones_are_seen_while_posing(fresh_scene, name):
     assert shortcut_of(ob) is not shortcut
 
 
+@needs_memory
 def test_each_setting_of_a_bone_is_in_its_bytes(fresh_scene):
     """All that the API shows of bones, except what is of bones on show and of the armature itself."""
     armature = make_armature()
@@ -120,6 +121,7 @@ def test_an_undo_keeps_what_it_does_not_change(fresh_scene, monkeypatch):
         assert bpy.data.objects["Body 1"].data.name not in read
 
 
+@needs_memory
 def test_posing_does_not_change_the_hook(fresh_scene):
     """Blender writes the values of its variables into the original, and would read that anew in each undo."""
     (ob, _twin, armature), _other = two_characters()
@@ -138,6 +140,7 @@ def test_posing_does_not_change_the_hook(fresh_scene):
     assert [ctypes.c_float.from_address(address).value for address in addresses] == before
 
 
+@needs_memory
 def test_an_undo_asks_no_hook_what_it_waits_for(fresh_scene, monkeypatch):
     """A large rig's hook waits for hundreds of bones. Only other objects, or other bones, can be a reason to ask."""
     (ob, _twin, armature), (other, *_) = two_characters()
@@ -234,6 +237,7 @@ def test_what_is_to_be_restored_stays_known(fresh_scene, monkeypatch):
     assert known in copies.of_mesh(known.character)
 
 
+@needs_memory
 @pytest.mark.says_errors
 def test_an_error_in_one_graph_leaves_the_others_alone(fresh_scene, monkeypatch):
     (ob, twin, _armature), _other = two_characters()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
-from helpers import addon_module, assert_same_shape, depsgraph, evaluated, twin_of
+from helpers import addon_module, assert_same_shape, depsgraph, evaluated, needs_memory, twin_of
 
 
 @pytest.fixture(params=["plain", "volume", "keys", "smoothed"])
@@ -82,6 +82,7 @@ def recalc_of(ob):
     return ctypes.c_uint32.from_address(addon_module("host.contract").region(ob, "ID", "recalc")[0])
 
 
+@needs_memory
 @pytest.mark.parametrize(
     "edit", (move_vertices, paint, name_groups_anew, mask, switch_method, add_modifier), ids=lambda edit: edit.__name__
 )
@@ -102,6 +103,7 @@ def test_an_older_copy_says_nothing_of_a_newer_one(two_graphs, edit):
         assert_same_shape(ob, twin)
 
 
+@needs_memory
 def test_an_older_copy_of_the_bones_says_nothing_of_a_newer_one(two_graphs):
     scene, ob, twin, armature, graph = two_graphs
     marks, old = addon_module("host.marks"), ob.evaluated_get(graph)
@@ -116,6 +118,7 @@ def test_an_older_copy_of_the_bones_says_nothing_of_a_newer_one(two_graphs):
         assert_same_shape(ob, twin)
 
 
+@needs_memory
 def test_copies_that_are_equal_share_what_was_made(two_graphs):
     _, ob, _, _, graph = two_graphs
     characters = addon_module("run.characters")
@@ -126,6 +129,7 @@ def test_copies_that_are_equal_share_what_was_made(two_graphs):
     assert first.chain.first.layers[0] is second.chain.first.layers[0]
 
 
+@needs_memory
 def test_a_script_that_reads_the_hooks_property_changes_nothing(two_graphs):
     scene, ob, twin, _, graph = two_graphs
     marks, switches = addon_module("host.marks"), addon_module("host.switches")
@@ -141,6 +145,7 @@ def test_a_script_that_reads_the_hooks_property_changes_nothing(two_graphs):
     assert_same_shape(ob, twin)
 
 
+@needs_memory
 def test_what_never_shows_an_evaluation_is_not_asked(two_graphs, monkeypatch):
     """Flags that are never set do not say what Sinew takes them for."""
     _, ob, _, _, graph = two_graphs
@@ -222,6 +227,7 @@ def test_an_armature_made_from_an_evaluated_one(playing):
     assert marked(ob, armature) == []
 
 
+@needs_memory
 def test_a_file_with_marks(playing, tmp_path):
     """As other programs may leave in bytes that Blender does not use, and Sinew 0.2 did."""
     scene, ob, twin, armature = playing

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, make_mesh
-from helpers import addon_module, assert_same_shape, builtin_copy, evaluated, import_rig, select
+from helpers import addon_module, assert_same_shape, builtin_copy, evaluated, import_rig, needs_memory, select
 
 LISTS = sorted(
     (
@@ -92,6 +92,7 @@ def test_the_timer_puts_back_what_somebody_cleared(cleared):
     assert lists_with_ours() == LISTS
 
 
+@needs_memory
 def test_an_update_puts_back_what_somebody_cleared(fresh_scene, character):
     """Where no timers run. The output Mesh needs the handlers of frames."""
     ob, twin, _ = character
@@ -105,6 +106,7 @@ def test_an_update_puts_back_what_somebody_cleared(fresh_scene, character):
     assert_same_shape(ob.sinew.deformed, twin)
 
 
+@needs_memory
 def test_a_file_that_is_opened_meanwhile(character, cleared, tmp_path):
     """It is looked through as if it had just been opened."""
     ob, twin, armature = character
@@ -370,6 +372,7 @@ def assert_plays(scene, healthy, twin, frames=(4, 9)):
     assert np.abs(shapes[1] - shapes[0]).max() > 1e-3
 
 
+@needs_memory
 @pytest.mark.says_errors
 @pytest.mark.parametrize("spoil", DAMAGED.values(), ids=DAMAGED.keys())
 def test_a_damaged_clip(fresh_scene, two_rigs, spoil, caplog, capsys):
@@ -396,6 +399,7 @@ def test_a_damaged_clip(fresh_scene, two_rigs, spoil, caplog, capsys):
     assert "Traceback" not in capsys.readouterr().err
 
 
+@needs_memory
 @pytest.mark.parametrize("spoil", AS_GOOD_AS_IT_GETS.values(), ids=AS_GOOD_AS_IT_GETS.keys())
 def test_bones_that_the_clip_does_not_know(fresh_scene, two_rigs, spoil, capsys):
     """The clip moves those of its own."""
@@ -407,6 +411,7 @@ def test_bones_that_the_clip_does_not_know(fresh_scene, two_rigs, spoil, capsys)
     assert "Traceback" not in capsys.readouterr().err
 
 
+@needs_memory
 @pytest.mark.says_errors
 def test_a_mended_clip_plays_again(fresh_scene, two_rigs):
     (ob, armature), (healthy, _), _ = two_rigs

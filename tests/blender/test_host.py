@@ -8,7 +8,7 @@ import bpy
 import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose, with_bendy_bones
-from helpers import addon_module, assert_same_shape, twin_of, way
+from helpers import addon_module, assert_same_shape, needs_memory, twin_of, way
 from zoo import forget_memory
 
 
@@ -66,6 +66,7 @@ def test_weights_in_another_storage_are_read_through_the_api(host, monkeypatch, 
     assert way(ob) == "ATTRIBUTE"
 
 
+@needs_memory
 @pytest.mark.parametrize("spoilt", (False, True))
 def test_connections_are_what_the_api_says(host, monkeypatch, spoilt):
     """The first time, they are compared: memory that differs is never used."""

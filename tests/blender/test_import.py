@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import helpers
-from helpers import RIGS, SHARED, addon_module, evaluated, import_rig, own_positions
+from helpers import RIGS, SHARED, addon_module, evaluated, import_rig, needs_memory, own_positions
 
 
 @pytest.mark.parametrize("name", RIGS)
@@ -60,6 +60,7 @@ def test_shared_elephant_plays(fresh_scene, frame, method, name):
     assert np.abs(evaluated(ob) - expected).max() < 1e-6 * helpers.diagonal(expected)
 
 
+@needs_memory
 def test_options(fresh_scene):
     ob, armature = import_rig(
         "capsule",

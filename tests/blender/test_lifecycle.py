@@ -16,6 +16,7 @@ from helpers import (
     depsgraph,
     evaluated,
     import_rig,
+    needs_memory,
     own_positions,
     reopened,
     select,
@@ -59,6 +60,7 @@ def modifiers(ob):
     return [(m.name, m.show_viewport, m.show_render) for m in ob.modifiers]
 
 
+@needs_memory
 def test_switching_the_output(fresh_scene):
     ob, _ = import_rig("capsule")
     rest = own_positions(ob)
@@ -74,6 +76,7 @@ def test_switching_the_output(fresh_scene):
     assert [other.name for other in bpy.data.objects if "deformed" in other.name] == []
 
 
+@needs_memory
 def test_switching_the_output_of_an_accelerated_mesh(fresh_scene):
     """Its modifier has to be moved in the stack, which evaluates the scene in the middle of the switch."""
     armature = make_armature()
@@ -133,6 +136,7 @@ def test_undo_and_redo_of_a_setting(fresh_scene):
     assert np.allclose(evaluated(bpy.data.objects[name]), rest, atol=1e-6)
 
 
+@needs_memory
 def test_undo_of_bind_and_unbind():
     ob, _ = import_rig("capsule")
     name = ob.name
@@ -315,6 +319,7 @@ def test_armature_in_rest_position(fresh_scene):
     assert np.allclose(evaluated(ob), own_positions(ob), atol=1e-6)
 
 
+@needs_memory
 def test_a_deleted_armature_is_said_and_others_play(fresh_scene):
     ob, armature = import_rig("capsule")
     other, _ = import_rig("capsule")
@@ -394,6 +399,7 @@ def test_nothing_of_sinew_is_in_the_evaluated_mesh(fresh_scene):
     assert not [name for name in attributes if "sinew" in name]
 
 
+@needs_memory
 def test_node_group_of_an_older_version_is_renewed(fresh_scene, tmp_path):
     """It would leave the attribute behind, by which an applied modifier is told from a removed one."""
     armature = make_armature()

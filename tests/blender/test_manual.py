@@ -6,7 +6,7 @@ import re
 import bpy
 import pytest
 
-from helpers import ROOT, addon_module
+from helpers import ROOT, addon_module, needs_memory
 
 PAGE = ROOT / "docs" / "options.md"
 ROWS = re.findall(r"^\| *([^|]+?) *\| *`([\w.]+)` *\|(.*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
@@ -151,6 +151,7 @@ def example(page, **replaced):
     return block
 
 
+@needs_memory
 def test_the_example_of_the_deformed_copy_runs(character, capsys):
     ob, twin, _ = character
     ob.name, ob.sinew.output = "Tube", "MESH"

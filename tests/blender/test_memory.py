@@ -11,9 +11,10 @@ import types
 import bpy
 import pytest
 
-from helpers import addon_module
+from helpers import addon_module, needs_memory
 from zoo import Zoo, forget_memory
 
+pytestmark = needs_memory
 UNUSED, PLACE = "_pad", "place"
 KINDS = ("absent", "another size", "another type", "moved")
 

@@ -12,6 +12,7 @@ from helpers import (
     depsgraph,
     diagonal,
     evaluated,
+    needs_memory,
     select,
     twin_of,
     way,
@@ -45,6 +46,7 @@ def test_a_share_of_0_or_1_is_one_of_the_two(character, share, preserve):
     assert_same_on_all_frames(bpy.context.scene, ob, twin, (1, 5, 9))
 
 
+@needs_memory
 @pytest.mark.parametrize("invert", (False, True))
 def test_the_share_of_a_painted_group(character, invert):
     ob, _twin = character
@@ -184,6 +186,7 @@ def cut(ob):
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
+@needs_memory
 @pytest.mark.parametrize("method", (CENTERS, MUSH))
 @pytest.mark.parametrize("edit", (move_a_vertex, paint, set_it, cut), ids=lambda edit: edit.__name__)
 def test_an_edit_makes_it_out_of_date(character, method, edit):
@@ -199,6 +202,7 @@ def test_an_edit_makes_it_out_of_date(character, method, edit):
     assert lacks(ob) == ""
 
 
+@needs_memory
 @pytest.mark.parametrize("method", (CENTERS, MUSH))
 def test_painting_does_not_read_again_what_is_kept(character, monkeypatch, method):
     ob, _twin = character
@@ -217,6 +221,7 @@ def test_painting_does_not_read_again_what_is_kept(character, monkeypatch, metho
     assert lacks(ob) == "" and len(reads) == 1
 
 
+@needs_memory
 @pytest.mark.parametrize("method", (CENTERS, MUSH))
 def test_with_other_vertices_it_is_deformed_as_without_sinew(character, method):
     ob, twin = character
@@ -232,6 +237,7 @@ def test_with_other_vertices_it_is_deformed_as_without_sinew(character, method):
     assert lacks(ob) == "UNFIT"
 
 
+@needs_memory
 def test_unbinding_leaves_nothing(character):
     ob, twin = character
     before = len(bpy.data.texts)
@@ -257,6 +263,7 @@ def test_a_duplicate_keeps_what_the_other_loses(character):
     assert lacks(copy) == "" and np.array_equal(shapes(copy), shape)
 
 
+@needs_memory
 @pytest.mark.parametrize("method", (CENTERS, MUSH))
 def test_what_is_computed_for_a_duplicate_is_its_own(character, method):
     """Both have the same arrays until then."""
@@ -289,6 +296,7 @@ def test_nothing_to_compute_for_is_said(character):
 # --- smoothing ------------------------------------------------------------------------------------
 
 
+@needs_memory
 @pytest.mark.parametrize("keys", (False, True))
 @pytest.mark.parametrize("group", ("", "bone2"))
 def test_smoothing_is_a_corrective_smooth_without_the_modifier(fresh_scene, keys, group):

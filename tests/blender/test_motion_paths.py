@@ -4,12 +4,12 @@ import bpy
 import numpy as np
 import pytest
 
-from helpers import addon_module, needs_rig_programs, select
+from helpers import addon_module, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, cast, wait  # noqa: F401
 from test_frozen import EDITS, edit_rest, layer, recorded
 from test_frozen_who import both
 
-pytestmark = needs_rig_programs
+pytestmark = [needs_rig_programs, needs_memory]
 NAMES = ("bone0", "bone2")
 
 

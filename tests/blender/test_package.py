@@ -3,6 +3,7 @@
 import os
 import re
 import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -189,10 +190,32 @@ def test_a_python_without_a_module(profile, tmp_path):
     assert "this package has those for Python 3.6 (x86_64-linux-gnu)" in output
 
 
+WHEELS = sorted(ZIP.parent.glob(f"with-wheels/{ZIP.stem}-*-wheels.zip"))
+
+
+@pytest.fixture(params=("modules", "wheels"))
+def either_zip(request):
+    """The zip with the modules, or the one for this system in which they are wheels."""
+    if request.param == "modules":
+        return ZIP
+    system = {"linux": "linux-x64", "win32": "windows-x64", "darwin": "macos-arm64"}[sys.platform]
+    found = [path for path in WHEELS if system in path.name]
+    if not found:
+        pytest.skip("there is no zip with wheels beside SINEW_ZIP")
+    return found[0]
+
+
+LOOK_AT_MODULE = """
+import sys
+native = sys.modules["bl_ext.user_default.sinew.native"]
+print("MODULE", native.sinew_native.__name__, native.sinew_native.__version__, native.problem)
+"""
+
+
 @needs_zip
 @needs_program
 @pytest.mark.skipif(not EXTENSIONS, reason="this Blender has no extensions")
-def test_extension_commands(tmp_path):
+def test_extension_commands(tmp_path, either_zip):
     environment = {**os.environ, "HOME": str(tmp_path), "BLENDER_USER_RESOURCES": str(tmp_path)}
 
     def command(*arguments):
@@ -202,8 +225,16 @@ def test_extension_commands(tmp_path):
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 
-    assert "Success" in command("validate", str(ZIP))
-    command("install-file", "--repo", "user_default", "--enable", str(ZIP))
+    assert "Success" in command("validate", str(either_zip))
+    command("install-file", "--repo", "user_default", "--enable", str(either_zip))
     assert "sinew" in command("list")
+    output = subprocess.run(
+        [bpy.app.binary_path, "-b", "--python-exit-code", "1", "--python-expr", LOOK_AT_MODULE],
+        env=environment,
+        capture_output=True,
+        text=True,
+    ).stdout
+    package = "sinew_native" if either_zip in WHEELS else "bl_ext.user_default.sinew.sinew_native"
+    assert f"MODULE {package} {version()} \n" in output
     command("remove", "sinew")
     assert files_of(tmp_path) == []

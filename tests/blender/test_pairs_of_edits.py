@@ -11,13 +11,13 @@ import bpy
 import pytest
 
 import test_edited_animation as animation
-from helpers import addon_module, depsgraph, evaluated, needs_rig_programs, select
+from helpers import addon_module, depsgraph, evaluated, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, keep_live, wait
 from test_edited_animation import HAS_SLOTS, NOW, NUMBERS, OTHER, Animated
 from test_frozen import layer, matrices_of
 from test_frozen_who import both
 
-pytestmark = needs_rig_programs
+pytestmark = [needs_rig_programs, needs_memory]
 ROLE = "role"  # a custom property by which objects are found again, whatever their names and Blender's memory
 PARTS = "armature", "bound", "twin", "prop"
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, make_tube, pose, smoothed
-from helpers import addon_module, depsgraph, evaluated, import_rig, into_a_shot, make_fail, select, way
+from helpers import addon_module, depsgraph, evaluated, import_rig, into_a_shot, make_fail, needs_memory, select, way
 from test_chain import NO_TAIL
 
 LAYOUT = bpy.types.UILayout.bl_rna
@@ -128,6 +128,7 @@ def test_a_crowd():
     assert draw("Modifiers") == said
 
 
+@needs_memory
 @pytest.mark.parametrize("mesh_panel, armature_panel", (("Sidebar", "Sidebar"), ("Modifiers", "Armature")))
 def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_panel):
     armature = make_armature()
@@ -188,6 +189,7 @@ def test_weights(fresh_scene):
     assert draw("SidebarWeights", ()) == []
 
 
+@needs_memory
 def test_mesh_without_an_armature(fresh_scene):
     ob = make_tube()
     select(ob)
@@ -213,6 +215,7 @@ def test_mesh_without_an_armature(fresh_scene):
     assert bpy.ops.object.sinew_make_single_user.poll() and not bpy.ops.object.sinew_fill_weights.poll()
 
 
+@needs_memory
 def test_whole_frames_with_and_without(fresh_scene, monkeypatch):
     """Blender's own modifiers deform the frames that Sinew is compared with; then everything is as before."""
     armature = make_armature()
@@ -264,6 +267,7 @@ def test_mixed_modifiers_are_shown(fresh_scene):
     assert draw().count("Armature") == 2 and "Mixed with" in draw()
 
 
+@needs_memory
 @pytest.mark.says_errors
 def test_an_error_stands_on_top(fresh_scene, monkeypatch):
     armature = make_armature()
@@ -279,6 +283,7 @@ def test_an_error_stands_on_top(fresh_scene, monkeypatch):
     assert not any("fail" in text for text in draw())
 
 
+@needs_memory
 def test_which_way_a_mesh_goes_and_why(fresh_scene):
     ob = make_mesh(make_armature(), False)
     accelerate(ob)
@@ -335,11 +340,16 @@ def test_preferences_without_a_module():
     assert problem(ImportError("nothing"), files).endswith(
         "this package has those for Python 3.7 (win_amd64), Python 3.6 (x86_64-linux-gnu)"
     )
+    wheels = ["sinew_native-0.2.0-cp36-cp36-win_amd64.whl", "sinew_native-0.2.0-cp37-cp37-manylinux_2_34_x86_64.whl"]
+    assert problem(ImportError("nothing"), wheels).endswith(
+        "this package has those for Python 3.6 (win_amd64), Python 3.7 (manylinux_2_34_x86_64)"
+    )
     assert problem(ImportError("nothing"), []).endswith("this package has none")
     here = f"sinew_native{EXTENSION_SUFFIXES[0]}"
     assert problem(ImportError("GLIBC_9 not found"), [*files, here]).endswith("does not load: GLIBC_9 not found")
 
 
+@needs_memory
 def test_the_chain_stage_by_stage(fresh_scene):
     """What Sinew stands in for, and where and why Blender goes on."""
     armature = make_armature()
@@ -394,6 +404,7 @@ def said_of(name):
     return said[said.index(name, said.index("Method")) + 1]
 
 
+@needs_memory
 def test_times_are_those_of_ordinary_frames(fresh_scene):
     ob, _ = figure()
     fresh_scene.frame_set(2)
@@ -427,6 +438,7 @@ def test_times_shown_are_medians_of_the_last_frames():
     assert timings.recent() is None
 
 
+@needs_memory
 @pytest.mark.parametrize("way_out", ("absolute", "edit mode"))
 def test_no_times_while_blender_deforms(fresh_scene, way_out):
     ob, _ = figure()
@@ -479,6 +491,7 @@ def test_bake_and_crowd_are_in_the_tab(fresh_scene):
     assert offered(ob) == everything
 
 
+@needs_memory
 @pytest.mark.parametrize("is_bound", (True, False))
 def test_while_a_cache_plays(fresh_scene, tmp_path, is_bound):
     ob, _ = figure()
@@ -504,6 +517,7 @@ def test_while_a_cache_plays(fresh_scene, tmp_path, is_bound):
     assert "object.sinew_take_off_cache" not in draw() and (not is_bound or way(ob) == "KEYS")
 
 
+@needs_memory
 def test_a_modifier_that_is_off_without_a_cache(fresh_scene):
     ob, _ = figure()
     ob.modifiers["Armature"].show_viewport = ob.modifiers["Armature"].show_render = False
@@ -511,6 +525,7 @@ def test_a_modifier_that_is_off_without_a_cache(fresh_scene):
     assert "Blender's own modifier deforms it: Armature is switched off: switch it on" in draw()
 
 
+@needs_memory
 def test_what_comes_before_is_called_what_people_see(fresh_scene):
     ob, _ = figure()
     ob.modifiers.new("Subsurf", "SUBSURF")
@@ -525,6 +540,7 @@ def test_what_comes_before_is_called_what_people_see(fresh_scene):
     assert ": Subdivision Surface.001 comes before Armature" in " ".join(draw())
 
 
+@needs_memory
 def test_single_user_is_advised_where_it_can_be_done(fresh_scene, tmp_path):
     ob, armature = figure()
     if ob.data.shape_keys is None:

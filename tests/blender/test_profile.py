@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
-from helpers import addon_module, data_counts, evaluated, make_fail, select, traces, twin_of
+from helpers import addon_module, data_counts, evaluated, make_fail, needs_memory, select, traces, twin_of
 from test_panel import Notes
 
 HAS_CLOCK = "execution_time" in bpy.types.Modifier.bl_rna.properties
@@ -310,6 +310,7 @@ def test_keys_of_several_objects_are_measured_once_and_shared(figure):
     assert keys[0].ms == keys[1].ms
 
 
+@needs_memory
 def test_a_bound_mesh_shows_sinews_own_time(figure):
     ob, _ = figure
     ob.modifiers.remove(ob.modifiers["Corrective"])
@@ -321,6 +322,7 @@ def test_a_bound_mesh_shows_sinews_own_time(figure):
     assert ob.sinew.is_bound
 
 
+@needs_memory
 def test_a_bound_mesh_that_blender_deforms_says_so_and_lists_the_modifier(figure):
     ob, _ = figure
     accelerate(ob)
@@ -331,6 +333,7 @@ def test_a_bound_mesh_that_blender_deforms_says_so_and_lists_the_modifier(figure
     assert ("Armature", "ARMATURE") in parts_of(cost)
 
 
+@needs_memory
 def test_accelerate_is_tried_and_what_it_saves_is_a_number(figure):
     ob, armature = figure
     found = costs_of(measure())
@@ -362,6 +365,7 @@ def test_why_a_mesh_cannot_be_bound_is_said(figure):
     assert "No vertex group of Tube is named after a deforming bone" in reason_of(ob)
 
 
+@needs_memory
 def test_why_blender_would_go_on_deforming_is_said(figure):
     ob, _ = figure
     ob.data.shape_keys.use_relative = False
@@ -374,6 +378,7 @@ def test_a_mesh_without_armature_says_so(figure):
     assert reason_of(ob) == NOTHING
 
 
+@needs_memory
 def test_a_mesh_without_armature_is_tried_as_well(figure):
     ob, _ = figure
     ob.modifiers.remove(ob.modifiers["Armature"])
@@ -482,6 +487,7 @@ def test_simulations_are_not_switched_off(figure, monkeypatch):
     assert part.how == ("Blender's clock" if HAS_CLOCK else "simulations are not switched off")
 
 
+@needs_memory
 @pytest.mark.parametrize("absent", ["scene_of", "still", "muted", "switched_off", "bound_for_now"])
 def test_an_error_while_something_is_absent_changes_nothing(figure, monkeypatch, absent):
     module = addon_module("main.whole_frames")
@@ -547,6 +553,7 @@ def drawn():
     return notes.said
 
 
+@needs_memory
 def test_the_panel_lists_them_with_a_button_or_the_reason(figure):
     ob, armature = figure
     assert drawn() == ["scene.sinew_profile"]
@@ -602,6 +609,7 @@ def test_the_button_accelerates_the_mesh_of_its_row(figure):
         bpy.ops.object.sinew_accelerate_one(name=armature.name)
 
 
+@needs_memory
 @pytest.mark.says_errors
 def test_a_mesh_that_sinew_fails_on_says_so(figure, monkeypatch):
     ob, _ = figure

@@ -11,7 +11,17 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, make_tube, pose, smoothed
-from helpers import addon_module, assert_same_shape, depsgraph, diagonal, evaluated, is_deforming, twin_of, way
+from helpers import (
+    addon_module,
+    assert_same_shape,
+    depsgraph,
+    diagonal,
+    evaluated,
+    is_deforming,
+    needs_memory,
+    twin_of,
+    way,
+)
 
 KINDS = ("attribute", "keys", "keys without an armature", "two armatures")
 
@@ -251,6 +261,7 @@ def test_a_driver_that_is_given_the_key_itself_leaves_the_mesh_to_blender(fresh_
     )
 
 
+@needs_memory
 @pytest.mark.says_errors
 def test_a_lasting_error_is_not_run_into_on_each_frame(fresh_scene, monkeypatch):
     ob, twin = make_pair("keys")

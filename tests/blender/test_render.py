@@ -13,6 +13,7 @@ from helpers import (
     diagonal,
     import_rig,
     is_deforming,
+    needs_memory,
     own_positions,
     select,
     traces,
@@ -130,6 +131,7 @@ def with_all_of_it(scene):
     with_persistent_data(scene)
 
 
+@needs_memory
 @pytest.mark.parametrize("keys", (False, True), ids=("smoothing", "keys"))
 def test_rendered_frames_without_an_armature(fresh_scene, tmp_path, keys):
     """Rendered alone, so that what the viewport is switched to does not matter."""
@@ -170,6 +172,7 @@ def test_rendered_in_every_way(fresh_scene, tmp_path, way, hidden_rig):
         assert np.abs(sharp - theirs).mean() > 1 / 255
 
 
+@needs_memory
 def test_soak(fresh_scene, tmp_path):
     """Hundreds of frames rendered, with edits, undo and redo in between."""
     armature = make_armature()

@@ -19,7 +19,7 @@ import edge_rigs
 import random_modifiers
 import random_rigs
 from characters import make_armature
-from helpers import addon_module, evaluated
+from helpers import addon_module, evaluated, needs_memory
 
 ROOT = Path(__file__).parents[2]
 
@@ -308,6 +308,7 @@ def test_edits_without_keys_are_followed(armature):
     assert differences(armature) == []
 
 
+@needs_memory
 def test_whole_numbers_are_rounded_only_where_they_are_keyed(armature):
     """Blender rounds what keying has made, but neither drivers nor curves that scripts have made."""
     bone = armature.pose.bones["b"]
@@ -872,6 +873,7 @@ def test_keys_are_read_from_memory_as_by_the_api(fresh_scene, monkeypatch):
     assert np.array_equal(found, curves.rows_of([curve])[0]["keys"])
 
 
+@needs_memory
 def test_variables_are_read_from_memory_as_by_the_api(monkeypatch):
     reading, contract = addon_module("description.reading"), addon_module("host.contract")
     for seed in range(1, PORTION):
@@ -884,6 +886,7 @@ def test_variables_are_read_from_memory_as_by_the_api(monkeypatch):
             assert found == [each["variables"] for each in reading.read(ob).description["drivers"]]
 
 
+@needs_memory
 def test_bones_are_read_from_memory_as_by_the_api(armature, monkeypatch):
     reading, contract = addon_module("description.reading"), addon_module("host.contract")
 

@@ -7,13 +7,13 @@ import pytest
 from mathutils import Euler
 
 from characters import constrain, make_armature, pose
-from helpers import addon_module, needs_rig_programs, select
+from helpers import addon_module, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, keep_live, recorded, wait
 from test_accelerated_rigs import accelerating as accelerating
 from test_frozen import FRAMES, Cast, freezing, layer, matrices_of
 from test_frozen_who import both
 
-pytestmark = needs_rig_programs
+pytestmark = [needs_rig_programs, needs_memory]
 
 
 def add(armature, kind, leader, bone="", on="bone4", **settings):

@@ -8,13 +8,13 @@ import pytest
 from mathutils import Matrix
 
 from characters import constrain, make_armature
-from helpers import addon_module, depsgraph, needs_rig_programs, select
+from helpers import addon_module, depsgraph, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerating as accelerating
 from test_accelerated_rigs import keep_live, recorded, wait
 from test_frozen import FRAMES, Cast, freezing, layer, matrices_of
 from test_frozen_who import both
 
-pytestmark = needs_rig_programs
+pytestmark = [needs_rig_programs, needs_memory]
 KEYED = {"location": 3, "rotation_euler": 3, "scale": 3}
 
 

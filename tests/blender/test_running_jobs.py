@@ -4,12 +4,12 @@ without them need for a moment: that thread could see it. What asks for it does 
 import bpy
 import pytest
 
-from helpers import addon_module, needs_rig_programs, select
+from helpers import addon_module, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, cast_of_small_rigs, wait
 from test_frozen import freezing, layer, recorded
 from test_frozen_who import both
 
-pytestmark = needs_rig_programs
+pytestmark = [needs_rig_programs, needs_memory]
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from helpers import (
     evaluated,
     import_rig,
     make_fail,
+    needs_memory,
     override,
     own_positions,
     select,
@@ -401,6 +402,7 @@ def test_another_object_is_given_the_mesh(fresh_scene):
     assert way(ob) == "BLENDER"
 
 
+@needs_memory
 def test_objects_that_share_a_mesh(fresh_scene):
     """Each by an armature of its own."""
     armatures = [make_armature(), make_armature()]
@@ -489,6 +491,7 @@ def test_deleted_by_the_operator(fresh_scene, character):
     assert traces() == []
 
 
+@needs_memory
 def test_armature_deleted_and_chosen_anew(fresh_scene, character):
     ob, twin, armature = character
     spare = armature.copy()
@@ -577,6 +580,7 @@ def test_two_scenes(fresh_scene, character):
         assert_same_shape(ob, twin)
 
 
+@needs_memory
 def test_modifier_that_was_switched_off_for_the_viewport_stays_off(fresh_scene):
     armature = make_armature()
     ob = make_mesh(armature, False)
@@ -736,6 +740,7 @@ def test_disabled_and_enabled_with_bound_meshes(fresh_scene, character):
     assert_same_shape(ob, twin)
 
 
+@needs_memory
 @pytest.mark.says_errors
 def test_an_error_in_one_mesh_leaves_the_others_alone(fresh_scene, character, caplog, monkeypatch):
     """Blender's own modifier deforms that one."""

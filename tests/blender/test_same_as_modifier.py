@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from helpers import RIGS, assert_same_shape, builtin_copy, diagonal, evaluated, import_rig, own_positions
+from helpers import RIGS, assert_same_shape, builtin_copy, diagonal, evaluated, import_rig, needs_memory, own_positions
 
 FRAMES = range(1, 41, 2)
 METHODS = ("LINEAR", "DUAL_QUATERNION")
@@ -25,6 +25,7 @@ def test_clip_on_twenty_frames(fresh_scene, name, method):
     assert moved > 1e-2 * diagonal(shapes[0])
 
 
+@needs_memory
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", RIGS)
 def test_mesh_output_on_twenty_frames(fresh_scene, name, method):

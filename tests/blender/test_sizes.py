@@ -10,7 +10,7 @@ import pytest
 
 from characters import accelerate as bind
 from characters import constrain, make_armature, make_mesh, pose
-from helpers import addon_module, depsgraph, needs_rig_programs
+from helpers import addon_module, depsgraph, needs_memory, needs_rig_programs
 from test_accelerated_rigs import accelerate, accelerating, evaluations, keep_live
 from test_frozen import Cast, freezing, layer, recorded
 
@@ -143,6 +143,7 @@ def cast(fresh_scene, monkeypatch):
     return cast
 
 
+@needs_memory
 def test_frames_of_a_long_range_are_compared_without_looking_at_all(cast):
     cast.scene.frame_start, cast.scene.frame_end = 1, 1_048_574
     freezing().freeze_again(cast.scene, layer())
@@ -222,6 +223,7 @@ def characters(fresh_scene, monkeypatch):
     return found
 
 
+@needs_memory
 def test_a_timer_asks_nothing_of_a_file_at_rest(characters):
     other_objects(1000)
     characters.settle()
@@ -235,6 +237,7 @@ def test_a_timer_asks_nothing_of_a_file_at_rest(characters):
             addon_module("ui.onion_skins").fill()
 
 
+@needs_memory
 @pytest.mark.parametrize("is_done", (False, True), ids=("accelerating", "comparing"))
 def test_a_timer_pauses_for_longer_than_a_step_has_taken(characters, monkeypatch, is_done):
     """However long Blender takes to build relations, there is time for whoever works."""
@@ -258,6 +261,7 @@ def test_a_timer_pauses_for_longer_than_a_step_has_taken(characters, monkeypatch
     assert all(after - before >= 2.0 + pause for before, after in zip(steps, steps[1:]))
 
 
+@needs_memory
 def test_a_timer_looks_at_idle_rigs_no_further_after_an_edit(characters):
     other_objects(1000)
     characters.settle()
@@ -272,6 +276,7 @@ def test_a_timer_looks_at_idle_rigs_no_further_after_an_edit(characters):
             characters.tick()
 
 
+@needs_memory
 def test_what_a_file_uses_is_found_once_for_all_rigs(characters, monkeypatch):
     """As Blender builds relations, which thaws all of them."""
     dependencies, number = addon_module("blender.dependencies"), itertools.count()

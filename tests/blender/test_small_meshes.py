@@ -5,7 +5,7 @@ import bpy
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
-from helpers import addon_module, assert_same_on_all_frames, select, twin_of, way
+from helpers import addon_module, assert_same_on_all_frames, needs_memory, select, twin_of, way
 
 VERTICES = 1_200  # of the tests' tube
 
@@ -58,6 +58,7 @@ def calls(monkeypatch):
     return found
 
 
+@needs_memory
 def test_blender_calls_nothing_on_frames_that_it_deforms(fresh_scene, limit, calls):
     limit(VERTICES + 1)
     ob, twin = character()
@@ -149,6 +150,7 @@ def test_a_small_mesh_that_is_smoothed(fresh_scene, limit):
     assert way(ob) == "ATTRIBUTE"
 
 
+@needs_memory
 def test_of_several_meshes_the_small_ones_are_left_alone(fresh_scene, limit):
     """Each alone is bound if the user asks for it, so that smoothing can be added later."""
     limit(VERTICES)

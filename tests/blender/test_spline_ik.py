@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from helpers import needs_rig_programs, select
+from helpers import needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerating as accelerating
 from test_accelerated_rigs import keep_live, wait
 from test_frozen import FRAMES, Cast
@@ -295,6 +295,7 @@ def accelerate(cast):
     assert cast.rig.is_frozen and cast.rig.needs_program, cast.rig.reason
 
 
+@needs_memory
 def test_it_is_computed_in_blender(cast):
     accelerate(cast)
     shapes = cast.play([*FRAMES, 3, -7, 400, 5])
@@ -302,6 +303,7 @@ def test_it_is_computed_in_blender(cast):
     assert len(cast.rig.source.compared) > 1
 
 
+@needs_memory
 def test_blender_does_not_evaluate_its_bones_again(cast):
     """Although its curve is bent on each frame."""
     accelerate(cast)
@@ -334,6 +336,7 @@ def add_a_modifier(curve):
     curve.modifiers.new("Wave", "WAVE")
 
 
+@needs_memory
 @pytest.mark.parametrize("edit", [edit_a_point, edit_the_object, edit_a_radius, add_a_modifier])
 def test_edits_of_its_curve_are_seen(cast, edit):
     accelerate(cast)
@@ -348,6 +351,7 @@ def test_edits_of_its_curve_are_seen(cast, edit):
     cast.play(FRAMES)
 
 
+@needs_memory
 @pytest.mark.parametrize("bone", ["side", "bone3", "bone0"])
 def test_it_can_be_posed(cast, bone):
     accelerate(cast)
@@ -375,6 +379,7 @@ def key_settings(cast):
     cast.scene.frame_set(2)
 
 
+@needs_memory
 @pytest.mark.parametrize("bone", ["side", "bone3"])
 def test_a_pose_is_kept_where_settings_are_keyed_too(cast, bone):
     key_settings(cast)

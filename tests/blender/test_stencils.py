@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose
-from helpers import addon_module, diagonal
+from helpers import addon_module, diagonal, needs_memory
 from test_bake import bake, read, shown
 
 FRAMES = range(1, 7)
@@ -119,6 +119,7 @@ def assert_baked(ob, folder, remark, **options):
     return found, expected
 
 
+@needs_memory
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("tail, bound", [(tail, bool(i % 2)) for i, tail in enumerate(TAILS)] + [("smooth", True)])
 def test_shapes_are_blenders(figure, tmp_path, always, tail, bound):
@@ -128,6 +129,7 @@ def test_shapes_are_blenders(figure, tmp_path, always, tail, bound):
     assert_baked(figure, tmp_path, "computed natively")
 
 
+@needs_memory
 def test_few_frames_are_blenders_to_the_bit(figure, tmp_path):
     add_modifiers(figure, TAILS["smooth"])
     found, expected = assert_baked(figure, tmp_path, "evaluated by Blender, since it would take longer")
@@ -165,6 +167,7 @@ def test_an_animated_setting_is_blenders(figure, tmp_path, always):
     assert done.remark == ""
 
 
+@needs_memory
 def test_cut_faces_with_many_corners_are_blenders(plain, tmp_path, always):
     mesh = bmesh.new()
     mesh.from_mesh(plain.data)
@@ -178,6 +181,7 @@ def test_cut_faces_with_many_corners_are_blenders(plain, tmp_path, always):
     assert_baked(plain, tmp_path, "Triangulate cuts faces with more than four corners by their shape")
 
 
+@needs_memory
 def test_other_faces_of_as_many_vertices_are_blenders(plain, tmp_path, always):
     """A Triangulate before them cuts quads in another way from frame 4 on."""
     cut = plain.modifiers.new("Triangulate", "TRIANGULATE")
@@ -200,6 +204,7 @@ def test_faces_that_change_on_the_way_are_blenders(figure, tmp_path, always):
     assert all(modifier.show_viewport for modifier in figure.modifiers) and leftovers() == []
 
 
+@needs_memory
 @pytest.mark.parametrize("bound", (False, True))
 def test_a_mesh_that_another_one_follows_is_blenders(figure, tmp_path, always, bound):
     """The other one would follow the shape before the modifiers."""
@@ -215,6 +220,7 @@ def test_a_mesh_that_another_one_follows_is_blenders(figure, tmp_path, always, b
     assert np.array_equal(read(tmp_path / "Coat.pc2"), shown(coat, FRAMES))
 
 
+@needs_memory
 def test_a_mesh_whose_collection_is_read_is_blenders(figure, tmp_path, always):
     add_modifiers(figure, TAILS["smooth"])
     outer, inner = bpy.data.collections.new("Outer"), bpy.data.collections.new("Inner")
@@ -226,6 +232,7 @@ def test_a_mesh_whose_collection_is_read_is_blenders(figure, tmp_path, always):
     assert_baked(figure, tmp_path, "evaluated by Blender, since Crowd may follow its shape")
 
 
+@needs_memory
 @pytest.mark.parametrize("spoil", ("empty", "infinite"))
 def test_bad_meshes_are_blenders(figure, tmp_path, always, spoil):
     add_modifiers(figure, TAILS["smooth"])
@@ -237,6 +244,7 @@ def test_bad_meshes_are_blenders(figure, tmp_path, always, spoil):
     assert "evaluated by Blender, since" in done.remark and leftovers() == []
 
 
+@needs_memory
 def test_what_is_wrong_is_noticed(figure, tmp_path, always, monkeypatch):
     """The comparison is there for what nobody has thought of."""
     probing = addon_module("stencils.probing")

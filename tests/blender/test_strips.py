@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import random_strips
-from helpers import addon_module, needs_rig_programs, select
+from helpers import addon_module, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, cast, wait
 from test_frozen import layer
 from test_frozen_computed import move, undo_a_pose
@@ -144,6 +144,7 @@ def strip_of(armature, number=1):
     return armature.animation_data.nla_tracks[number].strips[0]
 
 
+@needs_memory
 def test_it_plays_as_a_live_one(strips):
     accelerate(strips)
     shapes = strips.play([*range(1, 11), 4, 8, -5, 30])
@@ -215,6 +216,7 @@ EDITS = (
 )
 
 
+@needs_memory
 @pytest.mark.parametrize("is_updated", (True, False))
 @pytest.mark.parametrize("edit", EDITS)
 def test_an_edit_is_seen(strips, edit, is_updated):
@@ -231,6 +233,7 @@ def test_an_edit_is_seen(strips, edit, is_updated):
     assert strips.rig.is_frozen
 
 
+@needs_memory
 def test_it_is_posed_and_not_built_again(strips, monkeypatch):
     accelerate(strips)
     strips.scene.frame_set(4)
@@ -246,6 +249,7 @@ def test_it_is_posed_and_not_built_again(strips, monkeypatch):
     assert strips.rig.is_frozen and not built
 
 
+@needs_memory
 @pytest.mark.parametrize("follows", (False, True))
 def test_what_is_not_keyed_is_kept(strips, follows):
     """While it is read and compared, and it is not taken for a wrong program. follows: an object with keyframes."""
@@ -263,6 +267,7 @@ def test_what_is_not_keyed_is_kept(strips, follows):
     strips.play([3, 4])
 
 
+@needs_memory
 def test_undo(strips):
     accelerate(strips)
     strips.play([3, 4])
@@ -272,6 +277,7 @@ def test_undo(strips):
     strips.play([7, 2])
 
 
+@needs_memory
 def test_the_file_has_all_strips(strips, tmp_path):
     accelerate(strips)
     strips.play([3])

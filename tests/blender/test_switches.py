@@ -14,6 +14,7 @@ from helpers import (
     diagonal,
     end,
     evaluated,
+    needs_memory,
     select,
     stages,
     twin_of,
@@ -582,6 +583,7 @@ def test_what_is_on_in_only_one_of_viewport_and_renders(fresh_scene, make, rende
         assert_sinew_follows(ob, *[each.name for each in twin.modifiers if each.type != "ARMATURE"])
 
 
+@needs_memory
 def test_graphs_tell_what_they_are_for(fresh_scene, make, rendered):
     graph_modes = addon_module("host.graph_modes")
     ob, twin = make()
@@ -649,6 +651,7 @@ def test_undone(fresh_scene, make):
         assert_same_on_all_frames(bpy.context.scene, ob, twin, (3, 6, 9, 10, 11, 12))
 
 
+@needs_memory
 def test_the_other_output(fresh_scene, make):
     ob, twin = make(all_of_it)
     ob.sinew.output = "MESH"

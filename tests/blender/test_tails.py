@@ -19,6 +19,7 @@ from helpers import (
     depsgraph,
     end,
     evaluated,
+    needs_memory,
     needs_rig_programs,
     reopened,
     select,
@@ -126,6 +127,7 @@ def first_of_tail(ob):
     return ob.modifiers[(tail_of(ob) or [next(each.name for each in ob.modifiers if each.type not in OTHERS)])[0]]
 
 
+@needs_memory
 def test_all_that_a_mesh_has(pairs, fresh_scene):
     ob, twin = pairs[0]
     for each in pairs[0]:
@@ -228,6 +230,7 @@ EDITS = (
 )
 
 
+@needs_memory
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("edit", EDITS)
 def test_an_edit_is_right_at_once(pairs, edit):
@@ -244,6 +247,7 @@ def test_an_edit_is_right_at_once(pairs, edit):
     assert of_result(pairs[0][0]).keys() == of_result(pairs[0][1]).keys()
 
 
+@needs_memory
 def test_what_does_not_change_the_sums_needs_no_other_search(pairs, monkeypatch):
     monkeypatch.setattr(addon_module("stencils.searching"), "Search", None)
     for each in pairs[0]:
@@ -254,6 +258,7 @@ def test_what_does_not_change_the_sums_needs_no_other_search(pairs, monkeypatch)
     assert tail_of(pairs[0][0]) and are_deforming(pairs) == [True]
 
 
+@needs_memory
 def test_undo_and_redo(fresh_scene):
     names = [each.name for each in character_with(*PAIRS["subdivision"])[0]]
 
@@ -288,6 +293,7 @@ def test_undo_and_redo(fresh_scene):
     assert len(canvases()) == 1
 
 
+@needs_memory
 @pytest.mark.parametrize("is_linked", (False, True))
 def test_duplicated(pairs, is_linked):
     ob, twin = pairs[0]
@@ -301,6 +307,7 @@ def test_duplicated(pairs, is_linked):
     assert are_deforming(found) == [not is_linked or ob.data.shape_keys is None] * 2
 
 
+@needs_memory
 def test_unbound_nothing_is_left(fresh_scene):
     pairs = character_with(*PAIRS["subdivision"])
     before = data_counts()
@@ -313,6 +320,7 @@ def test_unbound_nothing_is_left(fresh_scene):
     assert_all_same(pairs, (3, 6))
 
 
+@needs_memory
 @pytest.mark.parametrize("mode", ("EDIT", "SCULPT", "WEIGHT_PAINT", "VERTEX_PAINT", "TEXTURE_PAINT"))
 def test_modes(pairs, mode):
     ob, _twin = pairs[0]
@@ -326,6 +334,7 @@ def test_modes(pairs, mode):
     assert are_deforming(pairs) == [True] and tail_of(ob)
 
 
+@needs_memory
 def test_a_saved_file_has_none_of_it(pairs, tmp_path):
     ob, _twin = pairs[0]
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "copy.blend"), copy=True)
@@ -345,10 +354,12 @@ def test_a_saved_file_has_none_of_it(pairs, tmp_path):
     assert tail_of(pairs[0][0])
 
 
+@needs_memory
 def test_it_plays_without_the_addon(pairs, tmp_path):
     assert_plays_without_the_addon(tmp_path, *pairs[0])
 
 
+@needs_memory
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("render_levels", (1, 2))
 @pytest.mark.parametrize("set_up", (with_motion_blur, with_persistent_data))
@@ -366,6 +377,7 @@ def test_rendered(pairs, fresh_scene, tmp_path, set_up, render_levels):
     assert_same_pictures(*pictures_of_both(fresh_scene, tmp_path, *pairs[0]))
 
 
+@needs_memory
 def test_the_scene_is_simplified(pairs, fresh_scene):
     render = fresh_scene.render
     for settings in (
@@ -466,6 +478,7 @@ def normals_of(ob):
     return normals
 
 
+@needs_memory
 def test_any_settings(fresh_scene):
     """Positions, corners, normals, UVs and all else are those of the twin. Each of two Blenders of a series has its own
     half of the settings."""
@@ -502,6 +515,7 @@ def test_any_settings(fresh_scene):
     assert len(with_tail) >= 7, with_tail
 
 
+@needs_memory
 def test_what_is_last_is_read_in_the_background(fresh_scene, monkeypatch):
     monkeypatch.setattr(addon_module("stencils.searching"), "IS_READ", True)
     pairs = bound(character_with(("SUBSURF", {"levels": 1, "render_levels": 2})))
@@ -510,6 +524,7 @@ def test_what_is_last_is_read_in_the_background(fresh_scene, monkeypatch):
     assert_all_same(pairs)
 
 
+@needs_memory
 @pytest.mark.parametrize("is_persistent", (False, True))
 def test_an_animation_is_rendered_in_the_background(fresh_scene, monkeypatch, tmp_path, capsys, is_persistent):
     """With levels of its own: after some frames, their stencils are found, too, if canvases stay evaluated. The
@@ -536,6 +551,7 @@ def test_an_animation_is_rendered_in_the_background(fresh_scene, monkeypatch, tm
     assert are_deforming(pairs) == [True] and len(bpy.data.scenes) == 1
 
 
+@needs_memory
 @pytest.mark.parametrize("levels_are_found", (False, True))
 def test_exporters_switch_subdivision_off(fresh_scene, monkeypatch, levels_are_found):
     """Those of Alembic and USD do, with a bit of the original, and write the faces before it."""
@@ -630,6 +646,7 @@ def test_keys(fresh_scene):
     assert way(ob) == "BLENDER" and canvases() == []
 
 
+@needs_memory
 def test_generated_coordinates_stay_in_place(fresh_scene):
     """Only the path through shape keys keeps them there."""
     pairs = bound(character_with(*PAIRS["with keys"], add=add_shape_keys))
@@ -663,6 +680,7 @@ def test_the_last_key_is_removed(fresh_scene):
     assert way(pairs[0][0]) == "CANVAS" and tail_of(pairs[0][0]) and are_deforming(pairs) == [True]
 
 
+@needs_memory
 def test_a_mismatch_leaves_it_to_blender(fresh_scene, monkeypatch):
     for name in ("TOLERANCE", "ROUNDING"):
         monkeypatch.setattr(addon_module("stencils.probing"), name, 0.0)
@@ -673,6 +691,7 @@ def test_a_mismatch_leaves_it_to_blender(fresh_scene, monkeypatch):
     assert are_deforming(pairs) == [True]
 
 
+@needs_memory
 def test_a_long_search_is_not_begun(fresh_scene, monkeypatch):
     monkeypatch.setattr(addon_module("stencils.searching"), "MOST_SECONDS", 0.0)
     pairs = bound(character_with(*PAIRS["subdivision"]))
@@ -686,6 +705,7 @@ def test_a_long_search_is_not_begun(fresh_scene, monkeypatch):
     assert tail_of(pairs[0][0])
 
 
+@needs_memory
 @pytest.mark.parametrize("limit", ("MOST_SECONDS", "MOST_EVALUATIONS"))
 def test_a_long_search_is_begun_by_a_button(fresh_scene, monkeypatch, limit):
     monkeypatch.setattr(addon_module("stencils.searching"), limit, 1e-9 if limit == "MOST_SECONDS" else 1)
@@ -716,6 +736,7 @@ def nothing(mesh):
     mesh.clear_geometry()
 
 
+@needs_memory
 @pytest.mark.parametrize("change", (nothing, only_edges))
 def test_bad_meshes(pairs, change):
     for each in pairs[0]:
@@ -731,6 +752,7 @@ def test_bad_meshes(pairs, change):
     assert len(bpy.data.scenes) == 1
 
 
+@needs_memory
 def test_two_graphs_of_different_levels(pairs, fresh_scene):
     """A second scene simplifies what the first does not."""
     ob, twin = pairs[0]
@@ -750,6 +772,7 @@ def test_two_graphs_of_different_levels(pairs, fresh_scene):
             assert counts[0] == counts[1] and np.abs(shapes[0] - shapes[1]).max() < 1e-4
 
 
+@needs_memory
 def test_the_panel(fresh_scene):
     """Blender's part before, Sinew's after."""
     pairs = bound(character_with(*PAIRS["subdivision"]))
@@ -762,6 +785,7 @@ def test_the_panel(fresh_scene):
     assert said[said.index("SUBSURF") + 1].endswith(" ms") and are_deforming(pairs) == [True]
 
 
+@needs_memory
 @pytest.mark.parametrize("is_edited", (False, True))
 @pytest.mark.parametrize("is_applied", (False, True))
 def test_the_modifier_is_removed_or_applied_after_an_edit(fresh_scene, is_applied, is_edited):
@@ -790,6 +814,7 @@ def test_the_modifier_is_removed_or_applied_after_an_edit(fresh_scene, is_applie
             assert_same_shape(ob, twin)
 
 
+@needs_memory
 @pytest.mark.parametrize("stack", PAIRS)
 def test_originals_of_what_was_evaluated_are_there_until_all_handlers_are_done(fresh_scene, stack):
     """Another add-on looks for them, after Sinew's handlers."""
@@ -845,6 +870,7 @@ def bits(searching):
     raise AssertionError(searching._search.says if searching.is_running() else "it does not begin or end")
 
 
+@needs_memory
 @needs_rig_programs
 def test_a_search_thaws_rigs_once(fresh_scene, searching, monkeypatch):
     monkeypatch.setattr(addon_module("played.accelerating"), "LEAST_WORK", 0)
@@ -864,6 +890,7 @@ def test_a_search_thaws_rigs_once(fresh_scene, searching, monkeypatch):
     assert_all_same(pairs)
 
 
+@needs_memory
 def test_nothing_of_a_search_is_saved_or_outlives_undo(fresh_scene, searching, tmp_path):
     """Undo steps may be made while it goes on."""
     name, probing = addon_module("stencils.probing").NAME, addon_module("stencils.probing")

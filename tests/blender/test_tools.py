@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
-from helpers import ROOT, addon_module, assert_same_shape, own_positions, select, twin_of, way
+from helpers import ROOT, addon_module, assert_same_shape, needs_memory, own_positions, select, twin_of, way
 
 
 @pytest.fixture
@@ -286,6 +286,7 @@ def test_modifiers_behind_it_are_bound_to_the_shape(pair, kind, keys):
         assert_same_shape(*pair)
 
 
+@needs_memory
 def test_the_modifier_sinew_as_a_shape_key_is_refused(pair):
     """By Blender, in its words, for which the manual has the cure."""
     select(pair[0])
@@ -295,6 +296,7 @@ def test_the_modifier_sinew_as_a_shape_key_is_refused(pair):
     assert "Only deforming modifiers can be applied to shapes" in (ROOT / "docs/accelerate.md").read_text()
 
 
+@needs_memory
 def test_painted_weights_are_read_whole(pair, monkeypatch):
     """A dab must not cost a loop over all vertices. Through the API the same comes out."""
     ob, twin = pair
@@ -312,6 +314,7 @@ def test_painted_weights_are_read_whole(pair, monkeypatch):
         assert weights._weights_are_known and one_by_one == []
 
 
+@needs_memory
 @pytest.mark.parametrize("spoil", ("count", "weight"))
 def test_weights_that_lie_elsewhere_are_read_one_by_one(pair, monkeypatch, spoil):
     """As they would in a Blender whose memory looks otherwise."""

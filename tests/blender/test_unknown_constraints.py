@@ -6,7 +6,7 @@ import ctypes
 import bpy
 import pytest
 
-from helpers import address_of, needs_rig_programs
+from helpers import address_of, needs_memory, needs_rig_programs
 from test_accelerated_rigs import accelerating, keep_live, wait
 from test_frozen import Cast, freezing, layer
 from test_frozen_who import both
@@ -39,6 +39,7 @@ def cast(fresh_scene, monkeypatch, request):
     return made
 
 
+@needs_memory
 @needs_rig_programs
 def test_it_plays_and_is_accelerated(cast):
     cast.play()

@@ -15,6 +15,7 @@ from helpers import (
     end,
     evaluated,
     into_a_shot,
+    needs_memory,
     own_positions,
     reopened,
     select,
@@ -204,6 +205,7 @@ def assert_it_is_sinew(ob):
     assert entry.is_deforming and entry.status.error == ""
 
 
+@needs_memory
 @pytest.mark.parametrize(
     "keys, behind",
     [
@@ -228,6 +230,7 @@ def test_twenty_frames(fresh_scene, make, keys, behind):
     assert stages(ob) == expected and end(ob) == ("", "")
 
 
+@needs_memory
 def test_output_mesh(fresh_scene, make):
     for keys in (nothing, add_shape_keys):
         ob, twin = make(keys, all_of_them, bind=False)
@@ -239,6 +242,7 @@ def test_output_mesh(fresh_scene, make):
         assert_it_is_sinew(ob)
 
 
+@needs_memory
 def test_bound_again(fresh_scene, make):
     """An Armature modifier that is off still does not count."""
     ob, twin = make(add_shape_keys, hidden_first)
@@ -321,6 +325,7 @@ def to_front(ob, name):
     bpy.ops.object.modifier_move_to_index(modifier=name, index=0)
 
 
+@needs_memory
 @pytest.mark.parametrize("keys", (nothing, add_shape_keys), ids=lambda part: part.__name__)
 @pytest.mark.parametrize(
     "edit",
@@ -349,6 +354,7 @@ def test_an_edit_is_seen_at_once(fresh_scene, make, keys, edit):
     assert stages(ob) == [m.name for m in twin.modifiers if m.show_viewport]
 
 
+@needs_memory
 def test_keys_by_hand(fresh_scene, make):
     ob, twin = make(driven_keys)
     fresh_scene.frame_set(5)
@@ -379,6 +385,7 @@ def test_keys_come_and_go(fresh_scene, make):
     assert_it_is_sinew(ob)
 
 
+@needs_memory
 def test_nothing_is_left_to_take_over(fresh_scene, make):
     ob, twin = make(corrective)
     for each in (ob, twin):
@@ -405,6 +412,7 @@ def test_multires_behind_smoothing(fresh_scene, make, keys):
     assert way(ob) == ("BLENDER" if keys is nothing else "KEYS")
 
 
+@needs_memory
 @pytest.mark.parametrize("first", (True, False), ids=("in front", "behind"))
 @pytest.mark.parametrize(
     "keys, behind",
@@ -440,6 +448,7 @@ def test_an_armature_modifier_is_added(fresh_scene, make, keys, behind, first):
         assert ob.sinew.armature == armature
 
 
+@needs_memory
 @pytest.mark.parametrize("keys", (nothing, add_shape_keys), ids=lambda part: part.__name__)
 def test_sinews_modifier_is_moved_or_removed(fresh_scene, make, keys):
     ob, twin = make(keys, corrective, lambda ob: ob.modifiers.new("Finer", "SUBSURF"))
@@ -460,6 +469,7 @@ def posed(ob):
     pose(ob.modifiers["Armature"].object, 1, False)
 
 
+@needs_memory
 @pytest.mark.parametrize("before", (nothing, posed), ids=lambda part: part.__name__)
 def test_sinews_modifier_is_applied(fresh_scene, make, before):
     """Nothing of what it stood in for deforms the mesh a second time."""
@@ -474,6 +484,7 @@ def test_sinews_modifier_is_applied(fresh_scene, make, before):
     assert not ob.sinew.is_bound and traces() == []
 
 
+@needs_memory
 @pytest.mark.parametrize("keys", (nothing, add_shape_keys), ids=lambda part: part.__name__)
 def test_edit_mode(fresh_scene, make, keys):
     ob, twin = make(keys, corrective)
@@ -489,6 +500,7 @@ def test_edit_mode(fresh_scene, make, keys):
     assert_it_is_sinew(ob)
 
 
+@needs_memory
 @pytest.mark.parametrize("keys", (nothing, add_shape_keys), ids=lambda part: part.__name__)
 def test_undo_and_redo(fresh_scene, make, keys):
     ob, twin = make(keys, all_of_them)
@@ -506,6 +518,7 @@ def test_undo_and_redo(fresh_scene, make, keys):
         assert_it_is_sinew(ob)
 
 
+@needs_memory
 @pytest.mark.parametrize("keys", (nothing, add_shape_keys), ids=lambda part: part.__name__)
 def test_a_duplicate_is_bound_as_well(fresh_scene, make, keys):
     ob, twin = make(keys, all_of_them)
@@ -569,6 +582,7 @@ def test_unbinding_leaves_no_trace(fresh_scene, make, keys, behind):
     assert state() == before and traces() == [] and not ob.sinew.is_bound
 
 
+@needs_memory
 @pytest.mark.parametrize("keys", (nothing, add_shape_keys), ids=lambda part: part.__name__)
 def test_save_and_reload(fresh_scene, make, tmp_path, keys):
     ob, twin = make(keys, all_of_them)
@@ -579,6 +593,7 @@ def test_save_and_reload(fresh_scene, make, tmp_path, keys):
     assert_it_is_sinew(ob)
 
 
+@needs_memory
 @pytest.mark.parametrize("keys", (nothing, add_shape_keys), ids=lambda part: part.__name__)
 @pytest.mark.parametrize("when", ("linked", "overridden", "bound as an override"))
 def test_from_a_library(fresh_scene, make, tmp_path, keys, when):
@@ -647,6 +662,7 @@ def test_refused(fresh_scene, make, part, sentence):
     assert [modifier.name for modifier in ob.modifiers] == names and traces() == [] and not ob.sinew.is_bound
 
 
+@needs_memory
 def test_a_parent_that_is_an_armature(fresh_scene, make):
     """It places the mesh; without vertex groups of its bones it does not deform it."""
     ob, twin = make(add_shape_keys, plain, bind=False)

@@ -62,6 +62,7 @@ PURE = {
     "deform.influences",
     "played.records",
     "host.features",
+    "main.crash_files",
     "host.members",
     "native",
     "plan.mends",

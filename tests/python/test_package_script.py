@@ -1,7 +1,9 @@
 """addon/package.py: the zips say for which systems they are, and one file serves both kinds of Mac."""
 
+import base64
 import hashlib
 import importlib.util
+import io
 import json
 import re
 import struct
@@ -105,7 +107,7 @@ def platforms_in(files):
 
 
 def modules_in(files):
-    return sorted(name.split("/")[1] for name in files if "sinew_native" in name)
+    return sorted(name.split("/")[1] for name in files if "/sinew_native." in name)
 
 
 def test_one_zip_for_all_and_one_for_each(package, module, tmp_path, capsys):
@@ -115,6 +117,7 @@ def test_one_zip_for_all_and_one_for_each(package, module, tmp_path, capsys):
     assert list(found) == [
         whole,
         *(f"sinew-{version}-{name}.zip" for name in sorted(HEADERS) if "arm64" not in name or "macos" in name),
+        *(f"sinew-{version}-{name}-wheels.zip" for name in sorted(HEADERS) if "arm64" not in name or "macos" in name),
     ]
     assert platforms_in(found[whole]) == '["linux-x64", "macos-arm64", "macos-x64", "windows-x64"]'
     names = sorted([NAMES["windows"], NAMES["linux"].format("x64"), NAMES["macos"]])
@@ -162,4 +165,32 @@ def test_every_library_has_a_version(package):
 
 
 def test_for_one_system_there_is_one_zip(package, module, tmp_path, capsys):
-    assert list(zips(package, capsys, module("linux-x64"), tmp_path)) == [f"sinew-{package.version()}.zip"]
+    version = package.version()
+    assert list(zips(package, capsys, module("linux-x64"), tmp_path)) == [
+        f"sinew-{version}.zip",
+        f"sinew-{version}-linux-x64-wheels.zip",
+    ]
+
+
+@pytest.mark.parametrize("platform", HEADERS)
+def test_wheels_for_one_system(package, module, tmp_path, capsys, platform):
+    """The manifest names each, and each holds its module, as pip wants it."""
+    path = module(platform)
+    found = zips(package, capsys, path, tmp_path)[f"sinew-{package.version()}-{platform}-wheels.zip"]
+    (name,) = [name for name in found if name.endswith(".whl")]
+    assert name.startswith(f"sinew/wheels/sinew_native-{package.version()}-cp311-cp311-")
+    manifest = found["sinew/blender_manifest.toml"].decode()
+    assert f'wheels = [\n  "./{name.removeprefix("sinew/")}",\n]\n' in manifest
+    assert re.search(r"(?s)^platforms.*^wheels.*^\[permissions\]", manifest, re.MULTILINE)
+    assert modules_in(found) == [] and platforms_in(found) == f'["{platform}"]'
+    with zipfile.ZipFile(io.BytesIO(found[name])) as archive:
+        parts = {part: archive.read(part) for part in archive.namelist()}
+    info = f"sinew_native-{package.version()}.dist-info"
+    assert list(parts) == [path.name, *(f"{info}/{part}" for part in ("METADATA", "WHEEL", "RECORD"))]
+    assert parts[path.name] == path.read_bytes()
+    for line in parts[f"{info}/RECORD"].decode().splitlines()[:-1]:
+        part, digest, size = line.split(",")
+        wanted = base64.urlsafe_b64encode(hashlib.sha256(parts[part]).digest()).decode().rstrip("=")
+        assert (digest, int(size)) == (f"sha256={wanted}", len(parts[part]))
+    bill = json.loads(found["sinew/sinew.spdx.json"])
+    assert [each["fileName"] for each in bill["files"]] == [f"./{name.removeprefix('sinew/')}"]

@@ -25,6 +25,7 @@ def steps(context: Any, job: jobs.Job) -> Generator[tuple[float, str], None, lis
     indices = job.indices()
     objects = evaluation.objects_to_bake(context, job.names)
     job.check_names([ob.name for ob in objects])
+    evaluation.refuse_other_shapes(objects)
     with part_files.advising_room(job.folder):
         os.makedirs(systems.native(job.folder), exist_ok=True)
     with ExitStack() as stack:

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ..blender import animation, meshes, nodes, values
+from ..plan import survey
 from ..played import accelerating
 
 
@@ -22,6 +23,14 @@ def objects_to_bake(context: bpy.types.Context, names: Iterable[str]) -> list[bp
             raise ValueError("no visible mesh has modifiers or shape keys; name the objects to bake")
         return found
     return [_object_named(layer, name) for name in dict.fromkeys(names)]
+
+
+def refuse_other_shapes(objects: Iterable[bpy.types.Object]) -> None:
+    """Raises ValueError if an object has another shape than Sinew would give it, which would be baked."""
+    for ob in objects:
+        why = survey.lacks_own_shape(ob.original)
+        if why:
+            raise ValueError(why)
 
 
 def _may_change(ob):

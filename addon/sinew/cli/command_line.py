@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 import bpy
 
 from ..install import bind
+from ..main import memory_use
 from ..plan import bindable
 from ..profiling import costs, measure
 from ..rig_files import rig_export, rig_import
@@ -74,7 +75,8 @@ def info(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
         raise ValueError("--frames needs --profile")
     if options.path.endswith(".blend"):
         open_blend(options.path)
-        return output.report_meshes(options.path, bench_command.deformed_meshes(bpy.data.objects))
+        document, text = output.report_meshes(options.path, bench_command.deformed_meshes(bpy.data.objects))
+        return document | {"program": memory_use.facts()}, "\n".join((text, "", *memory_use.states()))
     return output.report_rig(skeleton_path(options.path), import_options(options))
 
 

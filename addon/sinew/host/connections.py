@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from . import proof
+from . import contract, proof
 
 _BYTES = 4  # of a number
 
@@ -29,7 +29,7 @@ def read(items: Any, member: str, width: int = 1) -> np.ndarray:
 
 
 def _in_a_row(items: Any, count: int, width: int) -> np.ndarray | None:
-    if count < 2:
+    if count < 2 or contract.is_forbidden():
         return None
     address = items[0].as_pointer()
     size = items[1].as_pointer() - address

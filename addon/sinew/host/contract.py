@@ -2,7 +2,7 @@
 description, and tells which features this Blender does without.
 
 A feature is lost if a member that it needs differs, or if what was read differs from what Blender's API says
-(distrust). The others work as ever.
+(distrust). The others work as ever. All are lost while Sinew may not use Blender's memory at all (forbid).
 """
 
 import ctypes
@@ -54,6 +54,7 @@ class _Known(NamedTuple):
 
 
 _known: _Known | None = None  # None: not looked at yet
+_forbidden: tuple[str, str] | None = None  # why nothing may be used, and what to do about it, as clauses
 _losses = 0  # how many times something was distrusted
 _compared: set[tuple[str, str]] = set()  # (struct, member): has the value that the API shows
 
@@ -104,6 +105,32 @@ def is_broken() -> bool:
     return _known is not None and features.DEFORMING in _known.lost
 
 
+def forbid(reason: str, cure: str) -> None:
+    """Does without all features from now on. reason: why, cure: what to do about it, clauses."""
+    global _forbidden
+    _forbidden = reason, cure
+    forget()
+    _look()
+
+
+def permit() -> None:
+    """Undoes `forbid`. The next use looks at the running Blender."""
+    global _forbidden
+    if _forbidden is not None:
+        _forbidden = None
+        forget()
+
+
+def is_forbidden() -> bool:
+    """Whether Sinew may use nothing of Blender's memory."""
+    return _forbidden is not None
+
+
+def off() -> list[str]:
+    """Returns the features that this Blender does without."""
+    return features.lost_with(_look().lost)
+
+
 def losses() -> int:
     """Returns a number that changes when a feature is lost while Blender runs, so that plans have to be made again."""
     return _losses
@@ -129,7 +156,7 @@ def distrust_member(kind: str, name: str, difference: str) -> Broken:
 
 
 def forget() -> None:
-    """Discards all that was found out, so that the next use checks again. For tests."""
+    """Discards all that was found out, so that the next use checks again."""
     global _known, _losses
     _known = None
     _losses += 1
@@ -140,6 +167,8 @@ def forget() -> None:
 
 def _look() -> _Known:
     global _known
+    if _known is None and _forbidden is not None:
+        _known = _Known({}, {feature: [_forbidden[0]] for feature in features.FEATURES}, {})
     if _known is None:
         try:
             structs = layout.structs()
@@ -154,6 +183,8 @@ def _sentence(found: Sequence[str], lacking: Sequence[str]) -> str:
     """found: differences, as clauses; lacking: features."""
     more = f", and {len(found) - 1} more" if len(found) > 1 else ""
     without = "; ".join(features.FEATURES[feature].without for feature in lacking)
+    if _forbidden is not None:
+        return f"{_forbidden[0]}, so {without}: {_forbidden[1]}"
     return (
         f"Blender {bpy.app.version_string} keeps its data in another way than this version of Sinew knows "
         f"({found[0]}{more}), so {without}: look for a newer Sinew"

@@ -21,7 +21,7 @@ from ..plan import canvas_survey, survey, ways, wiring
 from ..run import afterwards, characters, graph_copies, mail
 from ..stencils import probing, searching
 from ..weights import reports
-from . import callbacks, whole_frames, write_lock
+from . import callbacks, memory_use, whole_frames, write_lock
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # between checks of the mail, in a window
@@ -461,6 +461,7 @@ def take_over_open_file() -> None:
     if not _is_file_unknown or not mail.is_main_thread():
         return
     _is_file_unknown = False
+    memory_use.say_at_start()
     places.place_layout()
     switches.prove()
     for ob in characters.bound_objects():
@@ -469,9 +470,25 @@ def take_over_open_file() -> None:
         else:
             wiring.revive(ob)
             mending.adapt(ob)
+    lacking = [ob.name for ob in characters.bound_objects() if survey.lacks_own_shape(ob)]
+    if lacking:  # a render, too, would not show it
+        log.warning("without their methods or smoothing, which Blender does not have: %s", ", ".join(lacking))
     shared_group.see_to()
     for ob in characters.with_copy():
         mail.post(bind.follow_when_evaluated, values.key_of(ob))  # a file's first evaluation calls no handler
+
+
+def look_anew() -> None:
+    """Takes over the open file once more, since Sinew may now use Blender's memory, or no longer."""
+    global _is_file_unknown
+    forget()
+    _is_file_unknown = True
+    for ob in characters.bound_objects():  # Blender copies what Sinew has written to
+        ob.update_tag()
+        ob.data.update_tag()
+        if ob.data.shape_keys is not None:
+            ob.data.shape_keys.update_tag()
+    take_over_open_file()
 
 
 FIRST_HANDLERS = (

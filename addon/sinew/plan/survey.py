@@ -100,7 +100,7 @@ def _read(
         is_mesh_linked=mesh.library is not None,
         is_canvas_slow=values.VERSION < (4, 0, 0),
         may_be_single_user=may_be_single_user(original),
-        trouble=contract.trouble(),
+        trouble=lacks_own_shape(original) or contract.trouble(),
         key_trouble=contract.why_not(features.KEYS),
         attribute_trouble=contract.why_not(features.ATTRIBUTES),
         animation_trouble=_animation_trouble(original),
@@ -355,6 +355,17 @@ def weights_follow_shape(ob: bpy.types.Object, taken: Iterable[str]) -> bool:
         for modifier in modifiers
         if modifier.object is not None
     )
+
+
+def lacks_own_shape(ob: Any) -> str:
+    """Returns why a bound object has another shape than Sinew would give it, a sentence for users, or "". Blender's own
+    modifiers lack its method, or its smoothing. ob: original."""
+    trouble = contract.trouble()
+    if not trouble or not ob.sinew.is_bound:
+        return ""
+    if not ob.sinew.own_method and ob.sinew.skinning.smooth_iterations == 0:
+        return ""
+    return f"The shape of {ob.name} lacks its method or smoothing, which Blender does not have. {trouble}"
 
 
 def wants_more(settings: Any) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 
 from ..blender import armatures, dependencies
 from ..description import reading
+from ..host import contract, features
 from ..run import characters
 from . import changes, comparing, elsewhere, freezing, playing, reasons, resting, rigs
 
@@ -49,9 +50,13 @@ def end_rests() -> None:
 def rest_edited(layer: Any) -> None:
     """Has rigs that are not accelerated rest if somebody has edited them since the last evaluation. Call it before
     one."""
-    for rig in map(rigs.learn, _armatures(layer)):
+    for rig in map(rigs.learn, _armatures(layer) if _can_freeze() else ()):
         if not rig.is_idle and resting.is_edited(rig.ob, layer.depsgraph):
             rig.rest.note_live(True, True)
+
+
+def _can_freeze() -> bool:
+    return reading.CAN_READ and contract.has(features.FREEZING)
 
 
 def step(scene: Any, layer: Any, number: int) -> bool:
@@ -64,7 +69,7 @@ def step(scene: Any, layer: Any, number: int) -> bool:
 
 
 def _step(scene: Any, layer: Any, number: int) -> bool:
-    if not reading.CAN_READ or rigs.whole_frame(scene) is None:
+    if not _can_freeze() or rigs.whole_frame(scene) is None:
         return False
     for rig in rigs.idle():
         if not rig.is_frozen and rig.source.program is None and not rig.source.refusal:

@@ -55,6 +55,7 @@ def steps(
         _refuse(ob)
     if not objects:
         raise ValueError("no mesh is selected: select those to bake")
+    evaluation.refuse_other_shapes(objects)
     with evaluation.undisturbed(context):
         sampler = sampling.sample(context, objects, rig, settings.frames)
         clip = yield from long_work.scaled(sampler, 0.0, SAMPLING)

@@ -88,10 +88,13 @@ class Details:
 
     @classmethod
     def poll(cls, context):
-        return deformed_character(context) is not None
+        return bound_mesh(context) is not None
 
     def draw(self, context):
-        sections.draw_details(layout_of(self), context, deformed_character(context))
+        entry = deformed_character(context)
+        if entry is not None:
+            sections.draw_details(layout_of(self), context, entry)
+        sections.draw_program(layout_of(self), context)
 
 
 class SidebarMain(Main, InSidebar, bpy.types.Panel):

@@ -4,12 +4,14 @@ import logging
 from pathlib import Path
 
 import bpy
-from bpy.props import EnumProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
 
-from ..main import addon_preferences
+from ..feedback import notice
+from ..host import contract
+from ..main import addon_preferences, handlers, memory_use
 from ..native import sinew_native
 from ..onion import onion_settings
-from ..played import rigs
+from ..played import freezing, rigs
 from ..run import characters
 
 log = logging.getLogger("sinew")
@@ -42,6 +44,13 @@ def _apply(preferences, _context=None):
 
 def _apply_memory(preferences, _context=None):
     rigs.set_limit(preferences.frozen_memory)
+
+
+def _apply_use(_preferences=None, _context=None):
+    """Has Sinew use Blender's memory, or do without it, in the open file too."""
+    freezing.melt_all()
+    memory_use.decide()
+    handlers.look_anew()
 
 
 def _apply_log(preferences, _context=None):
@@ -82,6 +91,13 @@ class SinewPreferences(bpy.types.AddonPreferences):
         items=INSTRUCTION_SETS,
         update=_apply,
     )
+    uses_memory: BoolProperty(
+        name="Use Blender's Memory",
+        description="Read and write Blender's own memory, which is what makes Sinew fast. Without, Blender's own "
+        "modifiers deform, and Blender evaluates all rigs",
+        default=True,
+        update=_apply_use,
+    )
     frozen_memory: IntProperty(
         name="Memory for Records (MB)",
         description="The largest number of megabytes for recorded poses and shapes. The oldest are dropped first",
@@ -98,21 +114,45 @@ class SinewPreferences(bpy.types.AddonPreferences):
         description="File to which errors are written, with tracebacks; if empty, Blender's console",
     )
 
-    def draw(self, _context):
+    def draw(self, context):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
         column = layout.column()
         column.prop(self, "thread_count")
         column.prop(self, "instruction_set")
+        column.prop(self, "uses_memory")
+        for sentence in contract.sentences():
+            notice.draw_sentence(column, context, sentence, False)
+        if memory_use.has_crashed():
+            column.operator(TryAgain.bl_idname, icon="FILE_REFRESH")
         column.prop(self, "frozen_memory")
         column.prop(self, "log_file")
         column.separator()
         column.label(text="Onion Skins and Motion Paths")
         onion_settings.draw(column, self.onion)
+        for line in memory_use.states():
+            layout.label(text=line, icon="INFO")
         row = layout.row(align=True)
         row.label(text=f"{sinew_native.instruction_set()}, {sinew_native.thread_count()} threads at work", icon="INFO")
         row.operator(OpenManual.bl_idname, icon="HELP")
+
+
+class TryAgain(bpy.types.Operator):
+    """Use Blender's memory again, although Blender crashed while Sinew used it"""
+
+    bl_idname = "wm.sinew_try_again"
+    bl_label = "Try Again"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, _context):
+        return memory_use.has_crashed()
+
+    def execute(self, _context):
+        memory_use.try_again()
+        _apply_use()
+        return {"FINISHED"}
 
 
 class OpenManual(bpy.types.Operator):
@@ -129,7 +169,7 @@ class OpenManual(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (onion_settings.SinewOnionSettings, OpenManual, SinewPreferences)
+CLASSES = (onion_settings.SinewOnionSettings, TryAgain, OpenManual, SinewPreferences)
 
 
 def register() -> None:

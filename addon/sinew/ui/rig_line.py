@@ -11,6 +11,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from ..description import reading
 from ..feedback import notice
+from ..host import contract, features
 from ..played import changes, differences, rigs
 from .weights import select_bones
 
@@ -111,6 +112,8 @@ class AccelerateAgain(_OfRig, bpy.types.Operator):
 def text_of(armature: Any) -> tuple[str, str]:
     """Returns how it is with an armature, one or two lines, and why Blender evaluates it, a sentence; "" for nothing to
     say."""
+    if not contract.has(features.FREEZING):
+        return "", contract.why_not(features.FREEZING)
     rig = rigs.get(armature)
     if rig is None:
         return "", ""

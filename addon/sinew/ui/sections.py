@@ -9,7 +9,7 @@ from ..blender import graph, modifier_types
 from ..clips import clip_store, posing
 from ..crowd import making
 from ..feedback import notice
-from ..main import whole_frames
+from ..main import memory_use, whole_frames
 from ..native import sinew_native
 from ..plan import bindable, survey, ways
 from ..stencils import searching
@@ -280,6 +280,13 @@ def draw_details(layout: bpy.types.UILayout, context: bpy.types.Context, entry: 
         draw_value(column, "Rig Compared", f"{compared} frame{'s' * (compared != 1)}")
     draw_value(column, "Instructions", sinew_native.instruction_set())
     draw_value(column, "Threads", str(sinew_native.thread_count()))
+
+
+def draw_program(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draws the versions, and what of Blender's memory Sinew uses."""
+    column = layout.column(align=True)
+    for line in memory_use.states():
+        notice.draw_sentence(column, context, line, False)
 
 
 def draw_value(column: bpy.types.UILayout, name: str, value: str) -> None:
