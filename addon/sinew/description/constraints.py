@@ -93,7 +93,10 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
     elif hasattr(constraint, "target"):
         bone_name, space = getattr(constraint, "subtarget", ""), _SPACES.get(settings["target_space"])
         along = _along(constraint, bone_name, found) if "head_tail" in settings else 0
-        target = found.of(constraint.target, bone_name, ("WORLD", space) if space else None, along)
+        reached = constraint.target
+        if kind == "IK" and reached is not None and reached.type == "ARMATURE" and not bone_name:
+            reached = None  # as for Blender, which passes IK without a target over
+        target = found.of(reached, bone_name, ("WORLD", space) if space else None, along)
         if target and "outside" in target:
             if along:
                 settings["head_tail"] = 0.0  # the matrix that is given is there
@@ -105,9 +108,7 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
                 )
         row["targets"] = [target]
     if kind == "IK":
-        if constraint.target is None or constraint.target.type == "ARMATURE" and not constraint.subtarget:
-            raise curves.Refused("IK without a target is not covered")
-        if constraint.target == found.ob and constraint.subtarget not in found.bones and constraint.is_valid:
+        if reached == found.ob and constraint.subtarget not in found.bones and constraint.is_valid:
             raise curves.Refused(f"the bone {constraint.subtarget} that it follows is not there: choose another one")
         row["targets"].append(found.of(constraint.pole_target, constraint.pole_subtarget))
     if CUSTOM in (settings["owner_space"], settings["target_space"]):

@@ -136,20 +136,16 @@ def driver_of(
     }
     del row["path"]
     if driver.type == "SCRIPTED":
-        if not _is_simple(driver):
+        if not driver.is_simple_expression:  # "Use Self" has no part in one
             raise curves.Refused(f'"{driver.expression}" is not one of Blender\'s simple expressions')
         result["expression"] = driver.expression
     return result
 
 
-def _is_simple(driver: bpy.types.Driver) -> bool:
-    return driver.is_simple_expression and not driver.use_self
-
-
 def reads_variables_only(driver: bpy.types.Driver) -> bool:
     """Whether a driver's value follows from its variables and, if its expression has that word, from the frame. Python
     may read anything else: so it may have neither other names, nor calls and attributes of what it has."""
-    if driver.type != "SCRIPTED" or _is_simple(driver):
+    if driver.type != "SCRIPTED" or driver.is_simple_expression:
         return True
     try:
         nodes = list(ast.walk(ast.parse(driver.expression.strip(), mode="eval")))
