@@ -552,6 +552,32 @@ def test_python_in_drivers_is_refused(armature):
     assert 'the driver of pose.bones["b"].location: "2 ** 3" is not one of' in refusal(armature)
 
 
+@pytest.mark.parametrize("kind, name", [("LIMIT_DISTANCE", "distance"), ("STRETCH_TO", "rest_length")])
+def test_lengths_of_0_are_those_of_when_it_first_acts(armature, kind, name):
+    """Blender stores them in the original too, which is what is read."""
+    goal, constraint = new_empty("Goal"), armature.pose.bones["b"].constraints.new(kind)
+    constraint.target, constraint.influence = goal, 0
+    for frame, goal.location.x in ((1, 1), (20, 5), (40, 2)):
+        goal.keyframe_insert("location", frame=frame)
+    setattr(constraint, name, 0)
+    assert differences(armature) == [] and getattr(constraint, name) == 0
+    constraint.influence = 0.8
+    bpy.context.scene.frame_set(9)
+    assert (first := getattr(constraint, name)) > 0
+    assert differences(armature) == [] and getattr(constraint, name) == first
+    for frame, constraint.influence in ((1, 0), (10, 0), (11, 1)):
+        constraint.keyframe_insert("influence", frame=frame)
+    setattr(constraint, name, 0)
+    bpy.context.scene.frame_set(1)
+    assert "which Blender replaces when it first acts; show a frame on which it does" in refusal(armature)
+    bpy.context.scene.frame_set(15)
+    assert getattr(constraint, name) not in (0, first) and differences(armature) == []
+    bpy.data.objects.remove(goal)
+    setattr(constraint, name, 0)
+    bpy.context.scene.frame_set(16)
+    assert getattr(constraint, name) == 0 and differences(armature) == []
+
+
 def test_use_self_counts_for_python_alone(armature):
     """Blender computes a simple expression as any other one."""
     driver = armature.pose.bones["b"].driver_add("location", 0).driver

@@ -269,14 +269,17 @@ void check_settings(const RigDescription& rig, const Program& program) {
       if (!is_always(place(setting), false)) fail(text(), reason);
     };
     switch (constraint.type) {
+    const bool has_target = !constraint.targets.empty() && constraint.targets[0].type != RigTarget::Type::none;
       case ConstraintType::stretch_to:
-        if (is_always(place("rest_length"), false)) {
-          fail(text(), " has a rest length of 0, which Blender replaces at its first evaluation; press Reset there");
+        if (has_target && is_always(place("rest_length"), false)) {
+          fail(text(),
+               " has a rest length of 0, which Blender replaces when it first acts; show a frame on which it does");
         }
         break;
       case ConstraintType::limit_distance:
-        if (is_always(place("distance"), false)) {
-          fail(text(), " has a distance of 0, which Blender replaces at its first evaluation; press Reset there");
+        if (has_target && is_always(place("distance"), false)) {
+          fail(text(),
+               " has a distance of 0, which Blender replaces when it first acts; show a frame on which it does");
         }
         break;
       case ConstraintType::armature:
