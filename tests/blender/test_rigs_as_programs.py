@@ -552,6 +552,62 @@ def test_python_in_drivers_is_refused(armature):
     assert 'the driver of pose.bones["b"].location: "2 ** 3" is not one of' in refusal(armature)
 
 
+@pytest.mark.parametrize("switch", ("enabled", "mute"))
+@pytest.mark.parametrize("kind", ("COPY_TRANSFORMS", "IK", "CHILD_OF", "LIMIT_LOCATION"))
+def test_constraints_are_switched(arm, kind, switch):
+    """By keys of either name, whatever it is now; by a driver of the contrary; and by a curve between off and on."""
+    made = []
+    for name in ("bone4", "side"):
+        constraint = arm.pose.bones[name].constraints.new(kind)
+        made.append(constraint)
+        if kind == "LIMIT_LOCATION":
+            constraint.use_max_x = constraint.use_max_z = True
+        else:
+            constraint.target, constraint.subtarget = arm, "goal"
+        if kind == "IK":
+            constraint.chain_count = 1
+    for frame, is_muted in ((1, False), (12, True), (20, False), (31, True)):
+        made[0].mute = is_muted
+        made[0].keyframe_insert(switch, frame=frame)
+    driver = made[1].driver_add(switch).driver
+    driver.type, variable = "SUM", driver.variables.new()
+    variable.targets[0].id, variable.targets[0].data_path = arm, made[0].path_from_id(switch)
+    for frame in (1, 12):
+        bpy.context.scene.frame_set(frame)
+        read = reading().read(arm)
+        program = checking().program_of(read)
+        assert checking().differences(program, checking().record_frames(arm, read, FRAMES)) == []
+    values = program.values(np.array(FRAMES, np.float32), [each.path_from_id(switch) for each in made])
+    assert {*values[:, 0].tolist()} == {0, 1} and np.array_equal(values[:, 0], values[:, 1])
+    curve = next(
+        each for each in addon_module("blender.animation").keyed_curves(arm) if each.data_path.endswith(switch)
+    )
+    for key in curve.keyframe_points:
+        key.interpolation = "LINEAR"
+    curve.update()
+    assert differences(arm, [*FRAMES, 13, 15.5, 16, 17]) == []
+
+
+@pytest.mark.parametrize("is_driven", (False, True))
+def test_of_a_constraints_switches_one_alone_may_change(armature, is_driven):
+    constraint = armature.pose.bones["c"].constraints[0]
+    constraint.keyframe_insert("enabled", frame=1)
+    driver = armature.pose.bones["b"].driver_add("location", 0).driver
+    driver.type, variable = "SUM", driver.variables.new()
+    variable.targets[0].id, variable.targets[0].data_path = armature, constraint.path_from_id("enabled")
+    assert differences(armature) == []
+    variable.targets[0].data_path = constraint.path_from_id("mute")
+    bpy.context.view_layer.update()
+    assert "of which the contrary is animated" in refusal(armature)
+    armature.pose.bones["b"].driver_remove("location", 0)
+    if is_driven:
+        constraint.driver_add("mute").driver.type = "SUM"
+    else:
+        constraint.keyframe_insert("mute", frame=1)
+    bpy.context.view_layer.update()
+    assert "both Enabled and Mute are animated: keep one of the two" in refusal(armature)
+
+
 @pytest.mark.parametrize("kind, name", [("LIMIT_DISTANCE", "distance"), ("STRETCH_TO", "rest_length")])
 def test_lengths_of_0_are_those_of_when_it_first_acts(armature, kind, name):
     """Blender stores them in the original too, which is what is read."""
@@ -576,6 +632,14 @@ def test_lengths_of_0_are_those_of_when_it_first_acts(armature, kind, name):
     setattr(constraint, name, 0)
     bpy.context.scene.frame_set(16)
     assert getattr(constraint, name) == 0 and differences(armature) == []
+
+
+def test_what_is_switched_off_may_be_of_any_kind(armature):
+    constraint = armature.pose.bones["b"].constraints.new("SHRINKWRAP")
+    constraint.enabled = False
+    assert differences(armature) == []
+    constraint.keyframe_insert("enabled", frame=1)
+    assert "the type SHRINKWRAP is not covered" in refusal(armature)
 
 
 def test_use_self_counts_for_python_alone(armature):

@@ -297,6 +297,45 @@ TEST(RigProgram, ReachesWithIk) {
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(tail[k], poses[2].location()[k], 1e-3F);
 }
 
+TEST(RigProgram, PassesIkWithoutATargetOver) {
+  RigDescription rig = two_bones();
+  add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
+  const std::vector<Mat4> unmoved = poses_of(rig);
+  RigDescription with_goal = rig;
+  add_ik(with_goal, 1, 2);
+  const std::vector<Mat4> reached = poses_of(with_goal);
+  EXPECT_NE(reached, unmoved);
+  for (const RigTarget::Type type : {RigTarget::Type::none, RigTarget::Type::armature}) {
+    RigDescription changed = rig;
+    add_ik(changed, 1, 2).targets[0] = {type, -1};
+    EXPECT_EQ(poses_of(changed), unmoved);
+    add_ik(changed, 1, 2);
+    EXPECT_EQ(poses_of(changed), reached) << "the next one counts, as if it were the first";
+  }
+}
+
+TEST(RigProgram, ConstraintsAreSwitchedByEitherSwitch) {
+  RigDescription rig = two_bones();
+  add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
+  const std::vector<Mat4> off = poses_of(rig);
+  add_ik(rig, 1, 2).name = "Reach";
+  const std::vector<Mat4> on = poses_of(rig);
+  const std::string path = "pose.bones[\"tip\"].constraints[\"Reach\"].";
+  rig.curves = {curve(path + "enabled", 0, {{1, 1}, {4, 1}, {5, 0}, {6, 0}})};
+  EXPECT_EQ(poses_of(rig, 3), on);
+  EXPECT_EQ(poses_of(rig, 5.5F), off);
+  EXPECT_EQ(poses_of(rig, 4.5F), on) << "what was keyed stays until the next key";
+  rig.curves[0].curve.is_free = true;
+  EXPECT_EQ(poses_of(rig, 4.5F), off) << "half is not enough";
+  set(rig.constraints[0], "mute", 1);
+  EXPECT_EQ(poses_of(rig, 3), off);
+  rig.curves[0].value.path = path + "mute";
+  EXPECT_EQ(poses_of(rig, 3), off);
+  EXPECT_EQ(poses_of(rig, 5.5F), on);
+  set(rig.constraints[0], "enabled", 0);
+  EXPECT_EQ(poses_of(rig, 5.5F), off);
+}
+
 /// A polyline from the origin to (4, 0, 0), the far end of which a bone hooks, and a chain of two bones along it.
 RigDescription along_a_spline() {
   RigDescription rig = two_bones();
@@ -699,7 +738,7 @@ TEST(RigProgram, RefusesWhatItDoesNotCompute) {
 
   rig = two_bones();
   add_constraint(rig, ConstraintType::copy_location, 1, 0).settings.pop_back();
-  EXPECT_EQ(failure_of(rig), "constraint \"COPY_LOCATION 0\" has 13 settings; a COPY_LOCATION has 14");
+  EXPECT_EQ(failure_of(rig), "constraint \"COPY_LOCATION 0\" has 14 settings; a COPY_LOCATION has 15");
 }
 
 TEST(RigProgram, StopsAtADriverWithoutAValue) {

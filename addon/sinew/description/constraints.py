@@ -65,15 +65,30 @@ def constraints_of(
 
 def is_animated(ob: bpy.types.Object, constraint: bpy.types.Constraint) -> bool:
     """Whether a curve or a driver may unmute it."""
-    path = f"{constraint.path_from_id()}.mute"
+    paths = {f"{constraint.path_from_id()}.{name}" for name in rna_paths.SWITCHES}
     data = ob.animation_data
     return data is not None and (
-        data.drivers.find(path) is not None or any(curve.data_path == path for curve in curves.curves_in_effect(ob))
+        any(data.drivers.find(path) is not None for path in paths)
+        or any(curve.data_path in paths for curve in curves.curves_in_effect(ob))
     )
+
+
+def set_switches(settings: dict[str, Any], constraint: bpy.types.Constraint, found: targets.Targets) -> None:
+    """Has that one of the two switches of a constraint alone count that is animated. Blender stores them as one. Raises
+    Refused if both are."""
+    if not found.switches:
+        return
+    path = rna_paths.normalised(constraint.path_from_id())
+    animated = [name for name in rna_paths.SWITCHES if f"{path}.{name}" in found.switches]
+    if len(animated) > 1:
+        raise curves.Refused("both Enabled and Mute are animated: keep one of the two")
+    if animated:
+        settings |= {"mute": False, "enabled": True} | {animated[0]: settings[animated[0]]}
 
 
 def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: targets.Targets) -> dict[str, Any]:
     settings = reader_of(kind, type(constraint))(constraint)  # type: ignore[arg-type] # a type is hashable
+    set_switches(settings, constraint, found)
     row: dict[str, Any] = {"bone": bone, "name": constraint.name, "type": kind, "settings": settings}
     if kind == "ARMATURE":
         if settings["use_bone_envelopes"]:

@@ -175,6 +175,10 @@ def variable_of(
         block, stored, *_rest = read[0]
         path = rna_paths.normalised(stored)
         if block == found.ob and path.startswith(OF_RIG):
+            if (switch := rna_paths.SWITCH.search(path)) and path not in found.switches:
+                others = (path.removesuffix(switch[2]) + each for each in rna_paths.SWITCHES)
+                if not found.switches.isdisjoint(others):
+                    raise curves.Refused(f"its variable {name} reads {path}, of which the contrary is animated")
             row["path"] = path
         elif block == found.ob.data:
             row["path"] = "data." + path

@@ -38,6 +38,11 @@ class Targets:
         """The paths of all that drivers and keyframes of the rig's object set."""
         return set(map(rna_paths.normalised, animation.animated_paths(self.ob)))
 
+    @cached_property
+    def switches(self) -> set[str]:
+        """Those of them that are switches of constraints."""
+        return {path for path in self.animated if rna_paths.SWITCH.search(path)}
+
     def of(self, target: bpy.types.Object | None, bone: str, read_as: ReadAs | None = None, along: float = 0) -> Target:
         """Returns what a description says of a target. along: see Targets.along, of those outside the rig. Raises
         Refused for what has no matrix."""

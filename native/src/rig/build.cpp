@@ -254,7 +254,8 @@ void check_settings(const RigDescription& rig, const Program& program) {
     const auto is_always = [&](int setting, bool wanted) {
       return !written[values + setting] && (constraint.settings[setting] != 0) == wanted;
     };
-    if (is_always(kMuted, true) || is_always(kValid, false) || is_always(kInfluence, false)) continue;
+    if (is_always(kMuted, true) || is_always(kEnabled, false)) continue;
+    if (is_always(kValid, false) || is_always(kInfluence, false)) continue;
     const auto text = [&] { return constraint_text(rig, constraint); };
     check_choices(constraint, text);
     const auto place = [&](std::string_view name) {
@@ -268,8 +269,8 @@ void check_settings(const RigDescription& rig, const Program& program) {
     const auto refuse_unless_off = [&](std::string_view setting, const char* reason) {
       if (!is_always(place(setting), false)) fail(text(), reason);
     };
-    switch (constraint.type) {
     const bool has_target = !constraint.targets.empty() && constraint.targets[0].type != RigTarget::Type::none;
+    switch (constraint.type) {
       case ConstraintType::stretch_to:
         if (has_target && is_always(place("rest_length"), false)) {
           fail(text(),

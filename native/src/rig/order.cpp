@@ -181,7 +181,7 @@ bool Graph::may_act(const Constraint& constraint) const {
   const auto stays = [&](int setting, bool wanted) {
     return !written_[constraint.values + setting] && (initial(constraint, setting) != 0) == wanted;
   };
-  return !stays(kMuted, true) && !stays(kValid, false) && !stays(kInfluence, false);
+  return !stays(kMuted, true) && !stays(kEnabled, false) && !stays(kValid, false) && !stays(kInfluence, false);
 }
 
 void Graph::add_chain(int node, const std::vector<int>& bones) {

@@ -225,7 +225,7 @@ void follow_spline(const Program& program, State& state, const Chain& chain) {
   const int count = static_cast<int>(chain.bones.size());
   for (int i = count - 1; i >= 0; --i) pose_bone(program, state, chain.bones[i]);
   const Acting acting(program, state, program.constraints[chain.constraint]);
-  if (acting.flag(kMuted) || !acting.flag(kValid) || acting.number(kInfluence) == 0) return;
+  if (!acting.is_on() || !acting.flag(kValid) || acting.number(kInfluence) == 0) return;
   build_path(program, state, program.splines[chain.spline]);
   if (!state.path.is_there()) return;
   Follower follower(program, state, chain);

@@ -80,7 +80,7 @@ std::optional<Mat4> Acting::target(bool is_whole) const {
 void apply_constraint(const Program& program, State& state, const Constraint& constraint, Mat4& world) {
   const ConstraintKind& kind = kind_of(constraint.type);
   const Acting acting(program, state, constraint);
-  if (acting.flag(kMuted) || !acting.flag(kValid)) return;
+  if (!acting.is_on() || !acting.flag(kValid)) return;
   const float influence = acting.number(kInfluence);
   if (influence == 0) return;
   const Mat4 custom = acting.custom_space();
