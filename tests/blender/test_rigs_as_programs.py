@@ -202,7 +202,7 @@ def test_chains_without_a_goal(arm, target, has_pole):
     """Blender passes them over, wherever they are among others that act; what looks at their bones waits for them."""
     gone, other = new_empty("Gone"), make_armature()
     targets = {"none": None, "deleted": gone, "own": arm, "another": other}
-    for name, count in (("bone3", 2), ("bone4", 0), ("side", 1)):
+    for name, count in (("bone3", 2), ("bone4", 1), ("side", 1)):
         constraint = arm.pose.bones[name].constraints.new("IK")
         constraint.target, constraint.chain_count = targets[target], count
         constraint.influence = 0.5 if name == "bone4" else 1
@@ -216,6 +216,11 @@ def test_chains_without_a_goal(arm, target, has_pole):
     bpy.context.view_layer.update()
     assert arm.pose.bones["bone4"].constraints[0].is_valid == (target in ("deleted", "another"))
     assert differences(arm) == []
+    arm.pose.bones["bone4"].constraints[0].chain_count = 0
+    if arm.pose.bones["bone4"].constraints[0].is_valid:
+        assert "has no target and reaches into another chain" in refusal(arm)
+    else:
+        assert differences(arm) == []
     arm.pose.bones["bone3"].constraints.remove(arm.pose.bones["bone3"].constraints[1])  # with the goal
     assert differences(arm) == []
 

@@ -338,6 +338,19 @@ TEST(RigProgram, ConstraintsAreSwitchedByEitherSwitch) {
 
 /// A polyline from the origin to (4, 0, 0), the far end of which a bone hooks, and a chain of two bones along it.
 RigDescription along_a_spline() {
+  // From a child of the chain's tip on: Blender does not say what comes first.
+  RigDescription further = with_goal;
+  add_bone(further, "further", 1, {0, 2, 0});
+  add_ik(further, 3, 2).targets[0] = {};
+  EXPECT_EQ(
+      failure_of(further),
+      "the IK of bone [\"further\"] has no target and reaches into another chain, of which Blender takes the pose "
+      "before or after IK, as it happens; remove this constraint");
+  set(further.constraints[1], "chain_count", 1);
+  EXPECT_EQ(poses_of(further)[1], reached[1]);
+  set(further.constraints[1], "chain_count", 0);
+  set(further.constraints[1], "is_valid", 0);
+  EXPECT_EQ(poses_of(further).size(), 4U);
   RigDescription rig = two_bones();
   const int hand = add_bone(rig, "hand", -1, {4, 0, 0});
   rig.matrices.push_back({"Rail", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}});
