@@ -107,6 +107,8 @@ def features_of_chains(source):
     """What is tried with the bones of IK chains: on others it has no effect."""
     yield from features_with_bones(source, {"in chain": 0.2, "goal": 0.03})
     yield from features_with_bones(source, {"no goal": 0.06, "switch": 0.15})
+    if source.random() < 0.4:
+        yield Feature("root motion", 0, source.getrandbits(32))
 
 
 def features_with_bones(source, chances):
@@ -403,6 +405,23 @@ def add_switch(ob, number, source):
     variable.targets[0].data_path = f'pose.bones["{name_of(source.randrange(number))}"]["real"]'
 
 
+def add_root_motion(ob, number, source):
+    """Keys that move the armature's object, its parent or both."""
+    moved = [ob]
+    if source.random() < 0.5:
+        ob.parent = bpy.data.objects.new("carriage", None)
+        bpy.context.collection.objects.link(ob.parent)
+        ob.matrix_parent_inverse = Matrix.LocRotScale(vector(source, 1), Euler(vector(source, 1)), (1, 1.1, 0.9))
+        moved = source.choice(([ob], [ob.parent], [ob, ob.parent]))
+    for each in moved:
+        each.rotation_mode, each.delta_location = source.choice(("QUATERNION", "XYZ", "ZYX")), vector(source, 0.2)
+        for frame in (1, 30, 60):
+            set_channels(each, source)
+            for name in ("location", "rotation_euler", "rotation_quaternion", "scale"):
+                if name == "location" or source.random() < 0.6:
+                    each.keyframe_insert(name, frame=frame)
+
+
 def goals_of(ob, root):
     """The bones for which the chains reach that begin at a bone."""
     chains = [each for bone in ob.pose.bones if bone.get("in_chain") == root for each in bone.constraints]
@@ -593,6 +612,7 @@ FEATURES = {
     "constraint": add_constraint,
     "no goal": add_no_goal,
     "switch": add_switch,
+    "root motion": add_root_motion,
     "driver": add_driver,
     "keys": add_keys,
 }
@@ -613,7 +633,7 @@ def differences_of(seed, features, times=TIMES):
     """The differences between program and Blender in the rig. Raises HasCycle."""
     ob = make(seed, features)
     reading, checking = addon_module("description.reading"), addon_module("description.equality")
-    read = reading.read(ob)
+    read = reading.read(ob, may_move=True)
     try:
         program = checking.program_of(read)
     except ValueError as error:

@@ -939,16 +939,97 @@ def test_the_command_checks_a_hidden_rig(sinew, armature, tmp_path, how):
     assert "frames: 6 of 6 equal\nrandom poses: 2 of 2 equal" in out
 
 
+@pytest.mark.parametrize("what", ("object", "parent", "both"))
+def test_the_command_checks_a_rig_that_moves_as_a_whole(sinew, armature, tmp_path, what):
+    """By keyframes of its own and of its parents: the program computes where it is."""
+    aim, carriage = new_empty("Aim"), new_empty("Carriage")
+    aim.location = 4, 1, 2
+    armature.pose.bones["b"].constraints.new("DAMPED_TRACK").target = aim
+    armature.parent = carriage
+    for frame in (1, 9, 30):
+        for each in {"object": (armature,), "parent": (carriage,), "both": (armature, carriage)}[what]:
+            each.location, each.rotation_euler = (0.3 * frame, 1, -0.1 * frame), (0.1 * frame, 0.2, 0.3)
+            each.keyframe_insert("location", frame=frame)
+            each.keyframe_insert("rotation_euler", frame=frame)
+    path, output = tmp_path / "rig.blend", tmp_path / "rig.json"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    code, out, err = sinew("rig", path, "-o", output, "--check", "--frames", "12", "--random-poses", "2")
+    assert (code, err) == (0, ""), out
+    assert "frames: 14 of 14 equal\nrandom poses: 2 of 2 equal" in out
+    description = json.loads(output.read_text())
+    assert description["world"] == "Rig" and [row["name"] for row in description["objects"]] == ["Carriage", "Rig"]
+    assert what == "parent" or "Rig itself moves" in refusal(bpy.data.objects["Rig"])  # as what is played
+
+
+def moved(ob):
+    """Keys that move an object."""
+    for frame, ob.location.x, ob.rotation_euler.z in ((1, 0, 0.1), (20, 3, 1), (40, -2, 2)):
+        ob.keyframe_insert("location", frame=frame)
+        ob.keyframe_insert("rotation_euler", frame=frame)
+
+
+def differences_of_moving(ob):
+    read = reading().read(ob, may_move=True)
+    return checking().differences(checking().program_of(read), checking().record_frames(ob, read, FRAMES))
+
+
+@pytest.mark.parametrize("kind", ("COPY_LOCATION", "ARMATURE", "CHILD_OF", "IK", "TRACK_TO"))
+def test_what_bones_follow_while_the_object_moves(arm, kind):
+    """An object that stays, a child of the armature, the armature itself, and a custom space."""
+    stays, child = new_empty("Stays"), new_empty("Child", arm)
+    stays.location, child.location = (1, 2, 3), (0.5, -0.2, 1.5)
+    moved(arm)
+    for name, target, bone in (("bone4", stays, ""), ("side", child, ""), ("bone2", arm, "goal"), ("goal", arm, "")):
+        if (kind, name) == (
+            "IK",
+            "bone2",
+        ):  # of two chains, one within the other, Blender does not say which comes first
+            continue
+        constraint = arm.pose.bones[name].constraints.new(kind)
+        if kind == "ARMATURE":
+            arm.data.bones["goal"].bbone_segments = 3
+            each = constraint.targets.new()
+            each.target, each.subtarget = arm, "bone0" if name == "goal" else "goal"
+            constraint.use_current_location = name == "side"
+            continue
+        constraint.target, constraint.subtarget, constraint.influence = target, bone, 0.6
+        if kind == "COPY_LOCATION":
+            constraint.owner_space, constraint.space_object = "CUSTOM", stays
+        if kind == "IK":
+            constraint.chain_count = 1
+    bpy.context.view_layer.update()
+    assert differences_of_moving(arm) == []
+
+
+def test_drivers_that_read_where_the_moving_object_is(armature):
+    moved(armature)
+    other = new_empty("Other")
+    for index, kind in enumerate(("SINGLE_PROP", "TRANSFORMS", "LOC_DIFF")):
+        driver = armature.pose.bones["b"].driver_add("location", index).driver
+        driver.type, variable = "SUM", driver.variables.new()
+        variable.type = kind
+        for target, read in zip(variable.targets, (armature, other)):
+            target.id = read
+            if kind == "SINGLE_PROP":
+                target.data_path = "location.x"
+    bpy.context.view_layer.update()
+    assert differences_of_moving(armature) == []
+    target = armature.animation_data.drivers[1].driver.variables[0].targets[0]
+    for name, value in (("transform_type", "ROT_Z"), ("transform_space", "TRANSFORM_SPACE")):
+        setattr(target, name, value)
+        bpy.context.view_layer.update()
+        with pytest.raises(ValueError, match="it reads how Rig itself|it reads Rig itself in local space"):
+            differences_of_moving(armature)
+
+
 @pytest.mark.parametrize("moves", (True, False), ids=("moves", "stays"))
-def test_the_command_refuses_a_rig_whose_parent_moves(sinew, armature, tmp_path, moves):
+def test_the_command_refuses_a_rig_whose_parent_moves_otherwise(sinew, armature, tmp_path, moves):
     carriage = bpy.data.objects.new("Carriage", None)
     bpy.context.collection.objects.link(carriage)
     carriage.location.x = 3
     armature.parent = carriage
     if moves:
-        for frame in (1, 9):
-            carriage.location.x = frame
-            carriage.keyframe_insert("location", frame=frame)
+        carriage.driver_add("location", 0).driver.expression = "frame"
     path = tmp_path / "rig.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
     code, out, _ = sinew("rig", path, "-o", tmp_path / "rig.json", "--check", "--frames", "4")

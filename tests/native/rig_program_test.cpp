@@ -228,6 +228,32 @@ TEST(RigProgram, PlacesObjectsThatItFollows) {
   EXPECT_EQ(failure_of(rig), "a driver sets objects[\"aim\"].scale, which is not computed; use keyframes");
 }
 
+TEST(RigProgram, MovesAsAWhole) {
+  RigDescription rig = two_bones();
+  add_bone(rig, "other", -1, {1, 0, 0});
+  rig.matrices.push_back({"Fixed", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 6, 7, 1}});
+  rig.matrices.push_back({"Rig", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}});
+  ConstraintDescription& copy = add_constraint(rig, ConstraintType::copy_location, 2);
+  copy.targets.push_back({RigTarget::Type::outside, 0});
+  ObjectDescription own{"Rig", 1};
+  own.values[kScale] = own.values[kScale + 1] = own.values[kScale + 2] = 1;
+  for (int i = 0; i < 3; ++i) own.values[kPoseBend + kScale + i] = 1;
+  rig.objects.push_back(own);
+  rig.curves = {curve("objects[\"Rig\"].location", 0, {{0, 0}, {10, 20}})};
+  RigDescription stays = rig;
+  rig.place = 1;
+  const RigProgram program(rig);
+  for (const float frame : {0.0F, 3.0F, 7.5F}) {
+    stays.world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 2 * frame, 0, 0, 1};
+    EXPECT_EQ(poses_of(program, frame), poses_of(stays, frame)) << frame;
+    EXPECT_EQ(poses_of(program, frame)[2].location(), (Vec3{5 - 2 * frame, 6, 7})) << frame;
+  }
+  const std::array<float, 16> given = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 4, 0, 1};
+  EXPECT_EQ(poses_of(program, 3, {{}, {{1, given.data(), 0}}})[2].location(), (Vec3{5, 2, 7}));
+  rig.place = 2;
+  EXPECT_EQ(failure_of(rig), "the armature's object has matrix 2; expected -1 to 1");
+}
+
 TEST(RigProgram, GivesTheSameBitsWithAnyNumberOfThreads) {
   RigDescription rig = two_bones();
   rig.bones[1].segments = 8;
@@ -312,6 +338,19 @@ TEST(RigProgram, PassesIkWithoutATargetOver) {
     add_ik(changed, 1, 2);
     EXPECT_EQ(poses_of(changed), reached) << "the next one counts, as if it were the first";
   }
+  // From a child of the chain's tip on: Blender does not say what comes first.
+  RigDescription further = with_goal;
+  add_bone(further, "further", 1, {0, 2, 0});
+  add_ik(further, 3, 2).targets[0] = {};
+  EXPECT_EQ(
+      failure_of(further),
+      "the IK of bone [\"further\"] has no target and reaches into another chain, of which Blender takes the pose "
+      "before or after IK, as it happens; remove this constraint");
+  set(further.constraints[1], "chain_count", 1);
+  EXPECT_EQ(poses_of(further)[1], reached[1]);
+  set(further.constraints[1], "chain_count", 0);
+  set(further.constraints[1], "is_valid", 0);
+  EXPECT_EQ(poses_of(further).size(), 4U);
 }
 
 TEST(RigProgram, ConstraintsAreSwitchedByEitherSwitch) {
@@ -338,19 +377,6 @@ TEST(RigProgram, ConstraintsAreSwitchedByEitherSwitch) {
 
 /// A polyline from the origin to (4, 0, 0), the far end of which a bone hooks, and a chain of two bones along it.
 RigDescription along_a_spline() {
-  // From a child of the chain's tip on: Blender does not say what comes first.
-  RigDescription further = with_goal;
-  add_bone(further, "further", 1, {0, 2, 0});
-  add_ik(further, 3, 2).targets[0] = {};
-  EXPECT_EQ(
-      failure_of(further),
-      "the IK of bone [\"further\"] has no target and reaches into another chain, of which Blender takes the pose "
-      "before or after IK, as it happens; remove this constraint");
-  set(further.constraints[1], "chain_count", 1);
-  EXPECT_EQ(poses_of(further)[1], reached[1]);
-  set(further.constraints[1], "chain_count", 0);
-  set(further.constraints[1], "is_valid", 0);
-  EXPECT_EQ(poses_of(further).size(), 4U);
   RigDescription rig = two_bones();
   const int hand = add_bone(rig, "hand", -1, {4, 0, 0});
   rig.matrices.push_back({"Rail", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}});

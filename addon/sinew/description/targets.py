@@ -22,8 +22,9 @@ Channel = tuple[str, int, bpy.types.FCurve, dict[str, Any]]  # a bone's property
 class Targets:
     """Finds targets by object and bone. Those outside the rig become matrices that are given for each frame."""
 
-    def __init__(self, ob: bpy.types.Object) -> None:
+    def __init__(self, ob: bpy.types.Object, moves: bool = False) -> None:
         self.ob = ob
+        self.moves = moves  # the program computes where the object itself is
         self.bones = set(ob.pose.bones.keys())
         self.outside: dict[str, tuple[bpy.types.Object, str]] = {}  # object and bone by name
         self.read_as: dict[str, ReadAs] = {}  # those of them that are not read as world matrices
