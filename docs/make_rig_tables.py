@@ -67,16 +67,15 @@ def code(names):
 
 def settings_of(settings):
     """Returns a constraint's settings as text, by type."""
-    numbers = [
-        f"`{name}`" + (f" ({count} numbers)" if count > 1 else "") + (f" = {default:g}" if default else "")
-        for name, (count, kind, default, *_limits) in settings.items()
-        if kind in ("FLOAT", "INT")
-    ]
-    parts = [
-        ("switches", code(name for name, (_, kind, *_) in settings.items() if kind == "BOOLEAN")),
-        ("choices", code(name for name, (_, kind, *_) in settings.items() if kind == "ENUM")),
-        ("numbers", ", ".join(numbers)),
-    ]
+
+    def listed(*kinds):
+        return ", ".join(
+            f"`{name}`" + (f" ({count} numbers)" if count > 1 else "") + (f" = {default:g}" if default else "")
+            for name, (count, kind, default, *_limits) in settings.items()
+            if kind in kinds
+        )
+
+    parts = [("switches", listed("BOOLEAN")), ("choices", listed("ENUM")), ("numbers", listed("FLOAT", "INT"))]
     return "; ".join(f"{title} {text}" for title, text in parts if text)
 
 
@@ -92,7 +91,7 @@ def wanted(sinew):
         seen.add(name)
         place += count
     types = sinew.rig_constraint_settings()
-    common = {name: types["LIMIT_SCALE"][name] for name in list(types["LIMIT_SCALE"])[:7]}
+    common = {name: types["LIMIT_SCALE"][name] for name in list(types["LIMIT_SCALE"])[:8]}
     lines += ["", "## The settings of constraints", "", "Without a number after `=`, the default is 0.", ""]
     lines += ["| type | settings |", "|---|---|", f"| all | {settings_of(common)} |"]
     for kind, settings in types.items():

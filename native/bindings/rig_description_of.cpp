@@ -237,10 +237,13 @@ class Reader {
     Entries rig(description, "the rig");
     rig_.name = rig.get<std::string>("name", "");
     rig_.blender = rig.get<int>("blender");
-    if (rig.find("world")) rig_.world = columns(rig, "world");
+    const py::handle world = rig.find("world");
+    const bool moves = world && py::isinstance<py::str>(world);
+    if (world && !moves) rig_.world = columns(rig, "world");
     check_rig_size(rig.sequence("bones").size(), rig.sequence("objects").size());
     read_matrices(rig);
     read_objects(rig);
+    if (moves) rig_.place = matrix_named(rig.get<std::string>("world"), "the rig");
     read_values(rig);
     const py::tuple bones = rig.sequence("bones");
     rig_.bones.reserve(bones.size());
@@ -438,6 +441,14 @@ class Reader {
       bone.values = entries.numbers<kBoneValueCount>("values", found);
   }
 
+  int matrix_named(const std::string& name, const std::string& where) const {
+    const auto found = matrices_.find(name);
+    if (found == matrices_.end()) {
+      wrong(where, "looks at \"" + name + "\", which is not among the matrices from outside");
+    }
+    return found->second;
+  }
+
   /// {"bone": name}, {"armature": true}, {"outside": name} or None.
   RigTarget target_of(const py::handle& object, const std::string& where) const {
     if (!object || object.is_none()) return {};
@@ -446,12 +457,7 @@ class Reader {
     if (const py::handle bone = entries.find("bone")) {
       target = {RigTarget::Type::bone, bone_named(entries.cast<std::string_view>("bone", bone), where)};
     } else if (const py::handle outside = entries.find("outside")) {
-      const auto name = entries.cast<std::string>("outside", outside);
-      const auto found = matrices_.find(name);
-      if (found == matrices_.end()) {
-        wrong(where, "looks at \"" + name + "\", which is not among the matrices from outside");
-      }
-      target = {RigTarget::Type::outside, found->second};
+      target = {RigTarget::Type::outside, matrix_named(entries.cast<std::string>("outside", outside), where)};
     } else if (entries.get<bool>("armature")) {
       target.type = RigTarget::Type::armature;
     }

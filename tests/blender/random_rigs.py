@@ -32,6 +32,7 @@ TYPES = (
     "MAINTAIN_VOLUME TRANSFORM DAMPED_TRACK LOCKED_TRACK STRETCH_TO TRACK_TO ARMATURE CHILD_OF FLOOR PIVOT "
     "ACTION ACTION"
 ).split()
+SWITCHES = ("mute", "enabled")  # of a constraint
 SPACES = ("WORLD", "POSE", "LOCAL_WITH_PARENT", "LOCAL", "CUSTOM")
 MODES = ("QUATERNION", "AXIS_ANGLE", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 INHERIT = ("FULL", "FULL", "FULL", "FIX_SHEAR", "ALIGNED", "AVERAGE", "NONE", "NONE_LEGACY")
@@ -104,11 +105,16 @@ def features_of(seed):
 
 def features_of_chains(source):
     """What is tried with the bones of IK chains: on others it has no effect."""
+    yield from features_with_bones(source, {"in chain": 0.2, "goal": 0.03})
+    yield from features_with_bones(source, {"no goal": 0.06, "switch": 0.15})
+    if source.random() < 0.4:
+        yield Feature("root motion", 0, source.getrandbits(32))
+
+
+def features_with_bones(source, chances):
     for bone in range(1, BONES):
-        counts = {"in chain": source.random() < 0.2, "goal": source.random() < 0.03}
-        for kind, count in counts.items():
-            if count:
-                yield Feature(kind, bone, source.getrandbits(32))
+        found = [kind for kind, chance in chances.items() if source.random() < chance]
+        yield from (Feature(kind, bone, source.getrandbits(32)) for kind in found)
 
 
 def name_of(bone):
@@ -371,6 +377,51 @@ def add_goal(ob, number, source):
         set_up(ob, limit, int(goal.name[1:]), source, source.choice(chain).name)
 
 
+def add_no_goal(ob, number, source):
+    """IK without a target, which Blender passes over, before or after other constraints."""
+    bone = ob.pose.bones[name_of(number)]
+    constraint = bone.constraints.new("IK")
+    constraint.chain_count, constraint.use_tail = source.randint(0, 3), source.random() < 0.7
+    if source.random() < 0.3:
+        constraint.target = ob
+    bone.constraints.move(len(bone.constraints) - 1, source.randrange(len(bone.constraints)))
+
+
+def add_switch(ob, number, source):
+    """Keys or a driver by which a constraint is switched off and on."""
+    bone = ob.pose.bones[name_of(number)]
+    if not bone.constraints or makes_cycle(bone, source):
+        return
+    constraint, name = source.choice(list(bone.constraints)), source.choice(SWITCHES)
+    if source.random() < 0.6:
+        for frame in (1, 13, 30, 60):
+            setattr(constraint, name, source.random() < 0.5)
+            constraint.keyframe_insert(name, frame=frame)
+        return
+    driver = constraint.driver_add(name).driver
+    driver.type, variable = source.choice(("SUM", "SCRIPTED")), driver.variables.new()
+    driver.expression = "a > 0.5"
+    variable.name, variable.targets[0].id = "a", ob
+    variable.targets[0].data_path = f'pose.bones["{name_of(source.randrange(number))}"]["real"]'
+
+
+def add_root_motion(ob, number, source):
+    """Keys that move the armature's object, its parent or both."""
+    moved = [ob]
+    if source.random() < 0.5:
+        ob.parent = bpy.data.objects.new("carriage", None)
+        bpy.context.collection.objects.link(ob.parent)
+        ob.matrix_parent_inverse = Matrix.LocRotScale(vector(source, 1), Euler(vector(source, 1)), (1, 1.1, 0.9))
+        moved = source.choice(([ob], [ob.parent], [ob, ob.parent]))
+    for each in moved:
+        each.rotation_mode, each.delta_location = source.choice(("QUATERNION", "XYZ", "ZYX")), vector(source, 0.2)
+        for frame in (1, 30, 60):
+            set_channels(each, source)
+            for name in ("location", "rotation_euler", "rotation_quaternion", "scale"):
+                if name == "location" or source.random() < 0.6:
+                    each.keyframe_insert(name, frame=frame)
+
+
 def goals_of(ob, root):
     """The bones for which the chains reach that begin at a bone."""
     chains = [each for bone in ob.pose.bones if bone.get("in_chain") == root for each in bone.constraints]
@@ -559,6 +610,9 @@ FEATURES = {
     "in chain": add_in_chain,
     "goal": add_goal,
     "constraint": add_constraint,
+    "no goal": add_no_goal,
+    "switch": add_switch,
+    "root motion": add_root_motion,
     "driver": add_driver,
     "keys": add_keys,
 }
@@ -579,7 +633,7 @@ def differences_of(seed, features, times=TIMES):
     """The differences between program and Blender in the rig. Raises HasCycle."""
     ob = make(seed, features)
     reading, checking = addon_module("description.reading"), addon_module("description.equality")
-    read = reading.read(ob)
+    read = reading.read(ob, may_move=True)
     try:
         program = checking.program_of(read)
     except ValueError as error:
@@ -625,7 +679,8 @@ def whole_chains(ob, record):
 # On their values it depends how the rig is built, or Blender keeps something of the value before.
 NOT_EDITED = {
     *("chain_count", "iterations", "use_tail", "use_stretch", "use_bbone_shape", "is_valid", "rest_length", "distance"),
-    *("head_tail", "use_bone_envelopes", "use_bone_object_action", "mute", "inverse_matrix", "pole_angle"),
+    *("head_tail", "use_bone_envelopes", "use_bone_object_action", *SWITCHES, "inverse_matrix", "pole_angle"),
+    "use_rotation",  # of IK: the last bit of such a chain is not known
 }
 
 

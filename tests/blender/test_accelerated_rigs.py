@@ -567,12 +567,13 @@ def follow_a_goal(cast):
 )
 def test_posing_and_keys_do_not_have_a_rig_built_again(cast, monkeypatch, change, builds):
     follow_a_goal(cast)
+    switch = "enabled" if change in (scale, set_property) else "mute"
     for armature, *_ in both(cast):  # which is written on each frame
         switched = armature.pose.bones["side"].constraints.new("COPY_ROTATION")
         switched.target, switched.subtarget = armature, "bone1"
         for frame, switched.influence, switched.mute in ((1, 0.1, False), (6, 0.8, True), (10, 0.4, False)):
             switched.keyframe_insert("influence", frame=frame)
-            switched.keyframe_insert("mute", frame=frame)
+            switched.keyframe_insert(switch, frame=frame)
         if change in (scale, insert_key):
             track = armature.animation_data.nla_tracks.new()
             track.strips.new("Other", 1, armature.animation_data.action)

@@ -250,8 +250,9 @@ def test_custom_properties_that_are_keyed(cast):
     cast.play()
 
 
-def test_originals_have_what_keyframes_and_drivers_set(cast):
-    """Constraints' influence and mute, and custom properties: of bones, of the object, whole numbers and switches."""
+@pytest.mark.parametrize("switch", ("mute", "enabled"))
+def test_originals_have_what_keyframes_and_drivers_set(cast, switch):
+    """Constraints' influence and switch, and custom properties: of bones, of the object, whole numbers and switches."""
     read = []
     for armature, *_ in both(cast):
         bone, other = armature.pose.bones["side"], armature.pose.bones["bone2"]
@@ -263,11 +264,11 @@ def test_originals_have_what_keyframes_and_drivers_set(cast):
         for frame, value in ((1, 0), (10, 1)):
             keyed.influence, keyed.mute = value, frame == 10
             keyed.keyframe_insert("influence", frame=frame)
-            keyed.keyframe_insert("mute", frame=frame)
+            keyed.keyframe_insert(switch, frame=frame)
         armature["height"], other["whole"], other["yes"] = 0.5, 2, False
         for owner, path, expression in (
             (driven, "influence", "x / 2"),
-            (driven, "mute", "x > 0.6"),
+            (driven, switch, "x > 0.6"),
             (armature, '["height"]', "x * 3"),
             (other, '["whole"]', "x * 10"),
             (other, '["yes"]', "x > 0.3"),

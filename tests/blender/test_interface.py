@@ -286,7 +286,7 @@ class Items:
 
 
 def test_everything_can_be_searched():
-    """F3 searches menus: each operator stands in one, cures where they apply; not those that stand beside a sentence."""
+    """F3 searches menus: each operator stands in one, cures where they apply, but not those beside a sentence."""
     menus = addon_module("ui.menus")
     items = Items()
     for _, draw in menus.PLACES:

@@ -11,6 +11,7 @@ from helpers import (
     assert_same_on_all_frames,
     assert_same_shape,
     depsgraph,
+    evaluated,
     select,
     stages,
     twin_of,
@@ -77,7 +78,12 @@ def data_transfer(ob):
     modifier.loop_mapping = "POLYINTERP_NEAREST"
 
 
-BESIDE, READING = (uv_warp, weight_edit, weight_mix), (weighted_normal, uv_project, data_transfer)
+def collision(ob):
+    ob.modifiers.new("Before", "COLLISION")
+
+
+BESIDE = uv_warp, weight_edit, weight_mix
+READING = weighted_normal, uv_project, data_transfer, collision
 
 
 def at_the_top(ob):
@@ -137,7 +143,46 @@ def test_a_file_plays_without_the_addon(character, tmp_path):
     assert_plays_without_the_addon(tmp_path, ob, twin)
 
 
-@pytest.mark.parametrize("before", (uv_warp, weighted_normal))
+def cloth_above(ob, name):
+    """A square of cloth that falls onto an object alone."""
+    around = bpy.data.collections.new(name)
+    around.objects.link(ob)
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=12, y_subdivisions=12, size=3, location=(0, 0, 4.6))
+    cloth = bpy.context.object
+    modifier = cloth.modifiers.new("Cloth", "CLOTH")
+    modifier.collision_settings.collection = around
+    modifier.settings.quality = 5
+    modifier.settings.effector_weights.gravity = 6
+    return cloth
+
+
+def test_what_collides_with_it_sees_the_shape_at_rest(character):
+    """As with Blender's own modifiers in that order, though the armature moves the mesh."""
+    ob, twin = pair(character, collision, False)
+    accelerate(ob)
+    cloths = [cloth_above(each, each.name) for each in (ob, twin)]
+    free = cloth_above(bpy.data.objects.new("None", None), "Nothing")
+    assert_same_on_all_frames(bpy.context.scene, ob, twin, range(1, 26))
+    shapes = [evaluated(each) for each in (*cloths, free)]
+    assert way(ob) == "ATTRIBUTE" and list(ob.modifiers.keys())[0] == "Before"
+    assert np.abs(shapes[0] - shapes[2]).max() > 0.2
+    np.testing.assert_allclose(shapes[0], shapes[1], atol=1e-4)
+
+
+def test_a_hook_to_chosen_vertices_behind_a_collision(character):
+    """Which keeps the vertices in their order, so that Blender moves those that are chosen."""
+    ob, _ = pair(character, collision, False)
+    hook(ob).vertex_indices_set(range(0, 1200, 5))
+    select(ob)  # Blender 5 puts it first
+    name = next(each.name for each in ob.modifiers if each.type == "HOOK")
+    bpy.ops.object.modifier_move_to_index(modifier=name, index=len(ob.modifiers) - 1)
+    twin = twin_of(ob)
+    accelerate(ob)
+    assert_same_on_all_frames(bpy.context.scene, ob, twin, range(1, 8))
+    assert way(ob) == "ATTRIBUTE" and stages(ob) == [name]
+
+
+@pytest.mark.parametrize("before", (uv_warp, weighted_normal, collision))
 def test_moved_there_after_binding(character, before):
     ob = character
     accelerate(ob)

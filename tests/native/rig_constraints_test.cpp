@@ -61,6 +61,9 @@ TEST_F(RigConstraint, DoesNothingIfMutedOrInvalid) {
   set(copy, "mute", 1);
   expect(owner().location(), {1, 2, 3});
   set(copy, "mute", 0);
+  set(copy, "enabled", 0);
+  expect(owner().location(), {1, 2, 3});
+  set(copy, "enabled", 1);
   set(copy, "is_valid", 0);
   expect(owner().location(), {1, 2, 3});
 }

@@ -228,6 +228,32 @@ TEST(RigProgram, PlacesObjectsThatItFollows) {
   EXPECT_EQ(failure_of(rig), "a driver sets objects[\"aim\"].scale, which is not computed; use keyframes");
 }
 
+TEST(RigProgram, MovesAsAWhole) {
+  RigDescription rig = two_bones();
+  add_bone(rig, "other", -1, {1, 0, 0});
+  rig.matrices.push_back({"Fixed", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 6, 7, 1}});
+  rig.matrices.push_back({"Rig", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}});
+  ConstraintDescription& copy = add_constraint(rig, ConstraintType::copy_location, 2);
+  copy.targets.push_back({RigTarget::Type::outside, 0});
+  ObjectDescription own{"Rig", 1};
+  own.values[kScale] = own.values[kScale + 1] = own.values[kScale + 2] = 1;
+  for (int i = 0; i < 3; ++i) own.values[kPoseBend + kScale + i] = 1;
+  rig.objects.push_back(own);
+  rig.curves = {curve("objects[\"Rig\"].location", 0, {{0, 0}, {10, 20}})};
+  RigDescription stays = rig;
+  rig.place = 1;
+  const RigProgram program(rig);
+  for (const float frame : {0.0F, 3.0F, 7.5F}) {
+    stays.world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 2 * frame, 0, 0, 1};
+    EXPECT_EQ(poses_of(program, frame), poses_of(stays, frame)) << frame;
+    EXPECT_EQ(poses_of(program, frame)[2].location(), (Vec3{5 - 2 * frame, 6, 7})) << frame;
+  }
+  const std::array<float, 16> given = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 4, 0, 1};
+  EXPECT_EQ(poses_of(program, 3, {{}, {{1, given.data(), 0}}})[2].location(), (Vec3{5, 2, 7}));
+  rig.place = 2;
+  EXPECT_EQ(failure_of(rig), "the armature's object has matrix 2; expected -1 to 1");
+}
+
 TEST(RigProgram, GivesTheSameBitsWithAnyNumberOfThreads) {
   RigDescription rig = two_bones();
   rig.bones[1].segments = 8;
@@ -295,6 +321,58 @@ TEST(RigProgram, ReachesWithIk) {
   const std::vector<Mat4> poses = poses_of(rig);
   const Vec3 tail = poses[1].location() + poses[1].axis(1);
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(tail[k], poses[2].location()[k], 1e-3F);
+}
+
+TEST(RigProgram, PassesIkWithoutATargetOver) {
+  RigDescription rig = two_bones();
+  add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
+  const std::vector<Mat4> unmoved = poses_of(rig);
+  RigDescription with_goal = rig;
+  add_ik(with_goal, 1, 2);
+  const std::vector<Mat4> reached = poses_of(with_goal);
+  EXPECT_NE(reached, unmoved);
+  for (const RigTarget::Type type : {RigTarget::Type::none, RigTarget::Type::armature}) {
+    RigDescription changed = rig;
+    add_ik(changed, 1, 2).targets[0] = {type, -1};
+    EXPECT_EQ(poses_of(changed), unmoved);
+    add_ik(changed, 1, 2);
+    EXPECT_EQ(poses_of(changed), reached) << "the next one counts, as if it were the first";
+  }
+  // From a child of the chain's tip on: Blender does not say what comes first.
+  RigDescription further = with_goal;
+  add_bone(further, "further", 1, {0, 2, 0});
+  add_ik(further, 3, 2).targets[0] = {};
+  EXPECT_EQ(
+      failure_of(further),
+      "the IK of bone [\"further\"] has no target and reaches into another chain, of which Blender takes the pose "
+      "before or after IK, as it happens; remove this constraint");
+  set(further.constraints[1], "chain_count", 1);
+  EXPECT_EQ(poses_of(further)[1], reached[1]);
+  set(further.constraints[1], "chain_count", 0);
+  set(further.constraints[1], "is_valid", 0);
+  EXPECT_EQ(poses_of(further).size(), 4U);
+}
+
+TEST(RigProgram, ConstraintsAreSwitchedByEitherSwitch) {
+  RigDescription rig = two_bones();
+  add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
+  const std::vector<Mat4> off = poses_of(rig);
+  add_ik(rig, 1, 2).name = "Reach";
+  const std::vector<Mat4> on = poses_of(rig);
+  const std::string path = "pose.bones[\"tip\"].constraints[\"Reach\"].";
+  rig.curves = {curve(path + "enabled", 0, {{1, 1}, {4, 1}, {5, 0}, {6, 0}})};
+  EXPECT_EQ(poses_of(rig, 3), on);
+  EXPECT_EQ(poses_of(rig, 5.5F), off);
+  EXPECT_EQ(poses_of(rig, 4.5F), on) << "what was keyed stays until the next key";
+  rig.curves[0].curve.is_free = true;
+  EXPECT_EQ(poses_of(rig, 4.5F), off) << "half is not enough";
+  set(rig.constraints[0], "mute", 1);
+  EXPECT_EQ(poses_of(rig, 3), off);
+  rig.curves[0].value.path = path + "mute";
+  EXPECT_EQ(poses_of(rig, 3), off);
+  EXPECT_EQ(poses_of(rig, 5.5F), on);
+  set(rig.constraints[0], "enabled", 0);
+  EXPECT_EQ(poses_of(rig, 5.5F), off);
 }
 
 /// A polyline from the origin to (4, 0, 0), the far end of which a bone hooks, and a chain of two bones along it.
@@ -662,8 +740,10 @@ TEST(RigProgram, RefusesWhatItDoesNotCompute) {
   rig = two_bones();
   set(add_constraint(rig, ConstraintType::stretch_to, 1, 0), "rest_length", 0);
   EXPECT_EQ(failure_of(rig),
-            "STRETCH_TO \"STRETCH_TO 0\" of bone \"tip\" has a rest length of 0, which Blender replaces at its first "
-            "evaluation; press Reset there");
+            "STRETCH_TO \"STRETCH_TO 0\" of bone \"tip\" has a rest length of 0, which Blender replaces when it first "
+            "acts; show a frame on which it does");
+  rig.constraints[0].targets[0] = {};
+  EXPECT_EQ(poses_of(rig), poses_of(two_bones())) << "without a target, nothing has a length";
 
   rig = two_bones();
   rig.drivers.push_back(driver(bone_path("tip", "location"), 0, {"[\"gone\"]"}));
@@ -697,7 +777,7 @@ TEST(RigProgram, RefusesWhatItDoesNotCompute) {
 
   rig = two_bones();
   add_constraint(rig, ConstraintType::copy_location, 1, 0).settings.pop_back();
-  EXPECT_EQ(failure_of(rig), "constraint \"COPY_LOCATION 0\" has 13 settings; a COPY_LOCATION has 14");
+  EXPECT_EQ(failure_of(rig), "constraint \"COPY_LOCATION 0\" has 14 settings; a COPY_LOCATION has 15");
 }
 
 TEST(RigProgram, StopsAtADriverWithoutAValue) {

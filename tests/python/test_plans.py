@@ -172,6 +172,8 @@ def test_a_hook_that_picks_by_index_ends_the_run_behind_what_keeps_all_vertices(
         "it picks vertices by index, and Blender mixes these up behind UV_WARP: move it before that one"
     )
     assert run(replace(picks, picks_by_index=False)).stages == (*stages, "HOOK")
+    collides = modifier("COLLISION", keeps_shape=True)
+    assert runs.of(bound(picks, before=(collides,))).stages == ("HOOK",)
     assert runs.of(bound(picks, replace(warp, shown=(False, False)), keys=keys())).stages == ("HOOK",)
     assert runs.of(bound(replace(warp, shown=(False, False)), picks, keys=keys())).stages == ("HOOK",)
 

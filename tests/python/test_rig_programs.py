@@ -2,6 +2,7 @@
 
 import copy
 import json
+import pickle
 import re
 
 import numpy as np
@@ -383,6 +384,23 @@ def test_objects_in_other_spaces(with_objects, space):
         sinew.RigProgram(with_objects)
 
 
+def test_a_rig_that_moves_as_a_whole(with_objects):
+    """With an object, on each frame."""
+    place, times = np.eye(4), np.array([0, 5])
+    place[:3, 3] = 1, 2, 3
+    given = {"Cart": place}
+    still = sinew.RigProgram({**with_objects, "world": place}).evaluate(times, given)
+    assert np.abs(sinew.RigProgram(with_objects).evaluate(times, given) - still).max() > 1
+    with_objects["world"] = "Cart"
+    program = sinew.RigProgram(with_objects)
+    assert program.evaluate(times, given).tolist() == still.tolist()
+    # What it follows is a child of the same object, so that they move together.
+    np.testing.assert_allclose(program.evaluate(times), still, atol=1e-5)
+    assert pickle.loads(pickle.dumps(program)).evaluate(times, given).tolist() == still.tolist()
+    with pytest.raises(ValueError, match="the rig moves as a whole; its matrices cannot be converted from or to world"):
+        program.convert(still, 0, "POSE", "WORLD")
+
+
 def test_what_is_given_of_objects_counts(with_objects):
     program, raised = sinew.RigProgram(with_objects), np.eye(4)
     raised[:3, 3] = (1, 2, 30)
@@ -507,6 +525,7 @@ def changed(rig, change):
         (lambda rig: rig.update(bone=[]), 'the rig has "bone", which is unknown'),
         # what is looked up twice does not count for another one
         (lambda rig: rig.update(bone=[], world=np.eye(4).tolist()), 'the rig has "bone", which is unknown'),
+        (lambda rig: rig.update(world="Gone"), 'the rig looks at "Gone", which is not among the matrices from outside'),
         (
             lambda rig: rig["curves"][0].update(modifiers=[{"type": "LIMITS", "range": [1, 2], "blend": 1}]),
             'a modifier of a curve has "blend", which is unknown',

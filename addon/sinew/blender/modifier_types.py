@@ -34,7 +34,14 @@ ONLY_BEHIND_DEFORMING = {"MULTIRES", "SOFT_BODY"}
 # texture is laid over them.
 BESIDE_SHAPE = {"UV_WARP", "VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX"}
 # Modifiers that change neither the vertices nor their positions, but depend on them.
-READING_SHAPE = {"DATA_TRANSFER", "NORMAL_EDIT", "UV_PROJECT", "VERTEX_WEIGHT_PROXIMITY", "WEIGHTED_NORMAL"}
+READING_SHAPE = {
+    "COLLISION",
+    "DATA_TRANSFER",
+    "NORMAL_EDIT",
+    "UV_PROJECT",
+    "VERTEX_WEIGHT_PROXIMITY",
+    "WEIGHTED_NORMAL",
+}
 # Of those, the ones that change a vertex group: the property that names it.
 CHANGED_GROUPS = {
     "VERTEX_WEIGHT_EDIT": "vertex_group",

@@ -19,9 +19,10 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
     """Returns a JSON document, the same as text, and the exit code: 1 if the rig is refused or computed differently."""
     open_blend(options.path)
     ob = chosen_armature(options.object)
-    read = reading.read(ob)
+    read = reading.read(ob, may_move=True)
     try:
-        followers.check_parent(ob)
+        if not read.targets.moves:
+            followers.check_parent(ob)
     except followers.NotFreezable as error:
         read.description["refused"].append(str(error))
     document: dict[str, Any] = {"object": ob.name, "bones": len(ob.pose.bones)}

@@ -66,15 +66,30 @@ def constraints_of(
 
 def is_animated(ob: bpy.types.Object, constraint: bpy.types.Constraint) -> bool:
     """Whether a curve or a driver may unmute it."""
-    path = f"{constraint.path_from_id()}.mute"
+    paths = {f"{constraint.path_from_id()}.{name}" for name in rna_paths.SWITCHES}
     data = ob.animation_data
     return data is not None and (
-        data.drivers.find(path) is not None or any(curve.data_path == path for curve in curves.curves_in_effect(ob))
+        any(data.drivers.find(path) is not None for path in paths)
+        or any(curve.data_path in paths for curve in curves.curves_in_effect(ob))
     )
+
+
+def set_switches(settings: dict[str, Any], constraint: bpy.types.Constraint, found: targets.Targets) -> None:
+    """Has that one of the two switches of a constraint alone count that is animated. Blender stores them as one. Raises
+    Refused if both are."""
+    if not found.switches:
+        return
+    path = rna_paths.normalised(constraint.path_from_id())
+    animated = [name for name in rna_paths.SWITCHES if f"{path}.{name}" in found.switches]
+    if len(animated) > 1:
+        raise curves.Refused("both Enabled and Mute are animated: keep one of the two")
+    if animated:
+        settings |= {"mute": False, "enabled": True} | {animated[0]: settings[animated[0]]}
 
 
 def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: targets.Targets) -> dict[str, Any]:
     settings = reader_of(kind, type(constraint))(constraint)  # type: ignore[arg-type] # a type is hashable
+    set_switches(settings, constraint, found)
     row: dict[str, Any] = {"bone": bone, "name": constraint.name, "type": kind, "settings": settings}
     if kind == "ARMATURE":
         if settings["use_bone_envelopes"]:
@@ -94,7 +109,10 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
     elif hasattr(constraint, "target"):
         bone_name, space = getattr(constraint, "subtarget", ""), _SPACES.get(settings["target_space"])
         along = _along(constraint, bone_name, found) if "head_tail" in settings else 0
-        target = found.of(constraint.target, bone_name, ("WORLD", space) if space else None, along)
+        reached = constraint.target
+        if kind == "IK" and reached is not None and reached.type == "ARMATURE" and not bone_name:
+            reached = None  # as for Blender, which passes IK without a target over
+        target = found.of(reached, bone_name, ("WORLD", space) if space else None, along)
         if target and "outside" in target:
             if along:
                 settings["head_tail"] = 0.0  # the matrix that is given is there
@@ -106,9 +124,7 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
                 )
         row["targets"] = [target]
     if kind == "IK":
-        if constraint.target is None or constraint.target.type == "ARMATURE" and not constraint.subtarget:
-            raise curves.Refused("IK without a target is not covered")
-        if constraint.target == found.ob and constraint.subtarget not in found.bones and constraint.is_valid:
+        if reached == found.ob and constraint.subtarget not in found.bones and constraint.is_valid:
             raise curves.Refused(f"the bone {constraint.subtarget} that it follows is not there: choose another one")
         row["targets"].append(found.of(constraint.pole_target, constraint.pole_subtarget))
     if CUSTOM in (settings["owner_space"], settings["target_space"]):

@@ -25,6 +25,8 @@ class Outside:
 
     def row_of(self, block: bpy.types.ID, path: str, found: targets.Targets) -> dict[str, str]:
         """Returns what a variable says of a property that it reads. Raises Refused."""
+        if block == found.ob and found.moves and rna_paths.moves_object(rna_paths.normalised(path)):
+            return {"path": objects.path_of(found.ob, rna_paths.normalised(path))}
         key = values.key_of(block)
         if key not in self._animated:
             self._animated[key] = objects.Animated.of(block)
@@ -117,6 +119,8 @@ def path_of(start: str, path: str) -> str:
 def is_wanted(ob: bpy.types.Object, path: str, found: targets.Targets) -> bool:
     """Whether poses depend on it. Refuses what moves the object."""
     if rna_paths.moves_object(path):
+        if found.moves:  # as do other objects that move
+            return False
         found.refused.append(f"{ob.name} itself moves (its {rna_paths.spoken(path)} is animated): move a bone instead")
         return False
     return rna_paths.has_effect(path)
@@ -136,20 +140,16 @@ def driver_of(
     }
     del row["path"]
     if driver.type == "SCRIPTED":
-        if not _is_simple(driver):
+        if not driver.is_simple_expression:  # "Use Self" has no part in one
             raise curves.Refused(f'"{driver.expression}" is not one of Blender\'s simple expressions')
         result["expression"] = driver.expression
     return result
 
 
-def _is_simple(driver: bpy.types.Driver) -> bool:
-    return driver.is_simple_expression and not driver.use_self
-
-
 def reads_variables_only(driver: bpy.types.Driver) -> bool:
     """Whether a driver's value follows from its variables and, if its expression has that word, from the frame. Python
     may read anything else: so it may have neither other names, nor calls and attributes of what it has."""
-    if driver.type != "SCRIPTED" or _is_simple(driver):
+    if driver.type != "SCRIPTED" or driver.is_simple_expression:
         return True
     try:
         nodes = list(ast.walk(ast.parse(driver.expression.strip(), mode="eval")))
@@ -179,6 +179,10 @@ def variable_of(
         block, stored, *_rest = read[0]
         path = rna_paths.normalised(stored)
         if block == found.ob and path.startswith(OF_RIG):
+            if (switch := rna_paths.SWITCH.search(path)) and path not in found.switches:
+                others = (path.removesuffix(switch[2]) + each for each in rna_paths.SWITCHES)
+                if not found.switches.isdisjoint(others):
+                    raise curves.Refused(f"its variable {name} reads {path}, of which the contrary is animated")
             row["path"] = path
         elif block == found.ob.data:
             row["path"] = "data." + path
@@ -202,8 +206,11 @@ def target_of(kind: str, target: variables.Target, found: targets.Targets, outsi
     row: dict[str, Any] = {"target": found.of(block, bone, read_as), "transform_type": channel}
     row |= {"transform_space": space, "rotation_mode": mode}
     if not row["target"] or "outside" not in row["target"]:
-        if row["target"] == {"armature": True} and kind != "ROTATION_DIFF" and space == "LOCAL_SPACE":
-            raise curves.Refused(f"it reads {block.name} itself in local space, which is not covered")
+        if row["target"] == {"armature": True} and kind != "ROTATION_DIFF":
+            if space == "LOCAL_SPACE" or found.moves and space != "WORLD_SPACE":
+                raise curves.Refused(f"it reads {block.name} itself in local space, which is not covered")
+            if found.moves and kind == "TRANSFORMS" and channel.startswith("ROT"):
+                raise curves.Refused(f"it reads how {block.name} itself is turned, which moves: that is not covered")
         return row
     # What comes from outside is a matrix.
     if kind == "ROTATION_DIFF" and bone:

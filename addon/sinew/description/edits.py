@@ -14,7 +14,8 @@ from ..host import bone_bytes as bone_bytes
 from ..host import bone_numbers, driver_bytes, keyframes, pose_settings
 from . import bone_rows, curves, custom_properties, objects, reading, rna_paths, splines, strips, tables
 
-_WRITTEN = "influence", "mute"  # of a constraint, on each frame if they are animated
+# Of a constraint, on each frame if they are animated, and by which names.
+_WRITTEN = ("influence",), rna_paths.SWITCHES
 
 
 class Known:
@@ -31,7 +32,9 @@ class Known:
         self._state = _state(ob) if is_clear else None
         animated = {row["path"] for row in (*rows, *read.description["drivers"])} | {path for path, _index in mixed}
         paths_of = [each.path_from_id() for bone in ob.pose.bones for each in dependencies.constraints_of(bone)]
-        self._is_written = [tuple(f"{path}.{name}" in animated for name in _WRITTEN) for path in paths_of]
+        self._is_written = [
+            tuple(any(f"{path}.{name}" in animated for name in names) for names in _WRITTEN) for path in paths_of
+        ]
         self._switches = list(self._read_switches(ob))
         self._modes, self._objects = self._read_modes(), self._read_objects()
         self._names, self._places = ob.pose.bones.keys(), bone_rows.places_of(ob)

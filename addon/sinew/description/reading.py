@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import dependencies
+from ..blender import animation, dependencies
 from ..host import bone_numbers
 from . import (
     bone_rows,
@@ -19,6 +19,7 @@ from . import (
     driven_keys,
     driver_rows,
     objects,
+    rna_paths,
     splines,
     strips,
     targets,
@@ -59,24 +60,36 @@ def without_collecting() -> Iterator[None]:
             gc.enable()
 
 
+def _is_moved_by_keyframes(ob: bpy.types.Object) -> bool:
+    """Whether keyframes, and nothing else, move an object."""
+    lineage = dependencies.with_parents([ob])
+    return not objects.why_not(ob) and any(
+        rna_paths.moves_object(rna_paths.normalised(curve.data_path)) and not animation.stays(each, curve)
+        for each in lineage
+        for curve in curves.curves_in_effect(each)
+    )
+
+
 @without_collecting()
 def read(
     ob: bpy.types.Object,
     depsgraph: bpy.types.Depsgraph | None = None,
     keyed: Iterable[driven_keys.Keyed] = (),
     seen: bpy.types.Object | None = None,
+    may_move: bool = False,
 ) -> Reading:
     """Reads an armature object with its animation, and values of shape keys that it drives. What the description cannot
     say is in its `refused`, by name and reason. Raises ValueError for another type of object, and before Blender 4.2.
 
     depsgraph: in which what comes from outside is evaluated; None: that of the context. seen: its copy whose custom
-    properties count; None: it has them itself."""
+    properties count; None: it has them itself. may_move: the object itself may be moved by keyframes, of its own and of
+    its parents; otherwise that is refused."""
     if ob.type != "ARMATURE":
         raise ValueError(f"{ob.name} is no armature: choose one")
     if not CAN_READ:
         raise ValueError("rigs can be programs from Blender 4.2 on")
     depsgraph = depsgraph or bpy.context.evaluated_depsgraph_get()
-    found, outside = targets.Targets(ob), driver_rows.Outside()
+    found, outside = targets.Targets(ob, may_move and _is_moved_by_keyframes(ob)), driver_rows.Outside()
     if ob.data.pose_position != "POSE":
         found.refused.append(f"{ob.data.name} shows its rest position: switch it to Pose Position")
     if ob.pose.ik_solver != "LEGACY":
@@ -88,7 +101,7 @@ def read(
     description = {
         "name": ob.name,
         "blender": 100 * bpy.app.version[0] + bpy.app.version[1],
-        "world": [list(row) for row in ob.evaluated_get(depsgraph).matrix_world],
+        "world": ob.name_full if found.moves else [list(row) for row in ob.evaluated_get(depsgraph).matrix_world],
         "bones": rows,
         "constraints": list(constraints.constraints_of(ob, rows, found)),
         "properties": list(custom_properties.properties_of(seen or ob, row, stored)),
@@ -107,7 +120,7 @@ def read(
     for property_row, rows in splines.values_of(found, outside):
         description["properties"].append(property_row)
         description["drivers"] += rows
-    own = objects.moving(found.outside.values())
+    own = objects.moving([*found.outside.values(), *([(ob, "")] if found.moves else [])])
     found.moving = {each.name_full: each for each in own}
     description["objects"], keyed_places = objects.rows_of(own)
     for name, read_as in found.read_as.items():

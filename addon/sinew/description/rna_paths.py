@@ -6,6 +6,9 @@ from functools import lru_cache
 NAME = r'\["((?:[^"\\]|\\.)*)"\]'  # escaped
 BONE = re.compile(rf"^(?:pose|data)\.bones{NAME}")
 
+SWITCHES = "mute", "enabled"  # of a constraint: the same bit, and its contrary
+SWITCH = re.compile(rf"\.constraints{NAME}\.({'|'.join(SWITCHES)})$")
+
 # What may be animated without any effect on poses: what is shown, how bones and their collections look.
 WITHOUT_EFFECT = re.compile(
     r"(^|\.)(hide|hide_select|hide_viewport|hide_render|is_visible|is_solo|is_expanded|select|select_head|select_tail|"

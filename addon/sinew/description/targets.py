@@ -22,8 +22,9 @@ Channel = tuple[str, int, bpy.types.FCurve, dict[str, Any]]  # a bone's property
 class Targets:
     """Finds targets by object and bone. Those outside the rig become matrices that are given for each frame."""
 
-    def __init__(self, ob: bpy.types.Object) -> None:
+    def __init__(self, ob: bpy.types.Object, moves: bool = False) -> None:
         self.ob = ob
+        self.moves = moves  # the program computes where the object itself is
         self.bones = set(ob.pose.bones.keys())
         self.outside: dict[str, tuple[bpy.types.Object, str]] = {}  # object and bone by name
         self.read_as: dict[str, ReadAs] = {}  # those of them that are not read as world matrices
@@ -37,6 +38,11 @@ class Targets:
     def animated(self) -> set[str]:
         """The paths of all that drivers and keyframes of the rig's object set."""
         return set(map(rna_paths.normalised, animation.animated_paths(self.ob)))
+
+    @cached_property
+    def switches(self) -> set[str]:
+        """Those of them that are switches of constraints."""
+        return {path for path in self.animated if rna_paths.SWITCH.search(path)}
 
     def of(self, target: bpy.types.Object | None, bone: str, read_as: ReadAs | None = None, along: float = 0) -> Target:
         """Returns what a description says of a target. along: see Targets.along, of those outside the rig. Raises

@@ -25,7 +25,12 @@ def set_mute(constraint: Any, value: float) -> None:
     flags.value = flags.value & ~_MUTED | _MUTED * bool(value)
 
 
-SETTERS = {"influence": set_influence, "mute": set_mute}
+def set_enabled(constraint: Any, value: float) -> None:
+    """Lets Blender evaluate a constraint, or mutes it. Raises contract.Broken."""
+    set_mute(constraint, not value)
+
+
+SETTERS = {"influence": set_influence, "mute": set_mute, "enabled": set_enabled}
 
 
 def _address(constraint: Any, name: str) -> int:

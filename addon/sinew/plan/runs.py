@@ -159,8 +159,10 @@ def why_not_known(modifier: Modifier, modifiers: Sequence[Modifier]) -> str:
 
 def _why_not_picked(modifier: Modifier, before: Sequence[Modifier]) -> str:
     """Returns why Blender's own result of a Hook is not the one that Sinew would compute, or "". Behind a modifier that
-    keeps all vertices, Blender moves the mesh's first vertices, as many as there are, in place of the chosen ones."""
-    keeping = next((each for each in before if each.keeps_shape and each.is_shown), None)
+    keeps all vertices and may change something else, Blender moves the mesh's first vertices, as many as there are, in
+    place of the chosen ones."""
+    changing = [each for each in before if each.type not in modifier_types.ONLY_DEFORMING]
+    keeping = next((each for each in changing if each.keeps_shape and each.is_shown), None)
     if not modifier.picks_by_index or keeping is None:
         return ""
     return f"it picks vertices by index, and Blender mixes these up behind {keeping.name}: move it before that one"

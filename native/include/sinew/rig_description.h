@@ -377,6 +377,7 @@ struct RigDescription {
   std::string name;
   int blender = 502;  ///< whose rules: 100 * major + minor of the version
   std::array<float, 16> world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};  ///< the armature object's matrix
+  int place = -1;                                  ///< the matrix that it is on each frame, in place of `world`, or -1
   std::vector<BoneDescription> bones;              ///< in the order of the pose: parents before children
   std::vector<ConstraintDescription> constraints;  ///< bone after bone, each bone's in their order
   std::vector<CustomProperty> properties;

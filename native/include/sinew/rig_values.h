@@ -78,6 +78,7 @@ enum ConstraintValue : int {
   kTargetSpace,
   kHeadTail,
   kAlongBend,  ///< use_bbone_shape
+  kEnabled,    ///< the contrary of `mute`: one bit in Blender, so that one of the two at most may change
   kCommonValueCount,
 };
 

@@ -248,13 +248,15 @@ void check_choices(const ConstraintDescription& constraint, const Text& text) {
 /// Refuses settings whose result does not follow from a frame alone, or that are not computed.
 void check_settings(const RigDescription& rig, const Program& program) {
   const std::vector<char> written = written_values(program);
+  const bool is_at_origin = program.place < 0 && program.world == kIdentity4;
   for (std::size_t i = 0; i < rig.constraints.size(); ++i) {
     const ConstraintDescription& constraint = rig.constraints[i];
     const int values = program.map.first_of_constraint(static_cast<int>(i));
     const auto is_always = [&](int setting, bool wanted) {
       return !written[values + setting] && (constraint.settings[setting] != 0) == wanted;
     };
-    if (is_always(kMuted, true) || is_always(kValid, false) || is_always(kInfluence, false)) continue;
+    if (is_always(kMuted, true) || is_always(kEnabled, false)) continue;
+    if (is_always(kValid, false) || is_always(kInfluence, false)) continue;
     const auto text = [&] { return constraint_text(rig, constraint); };
     check_choices(constraint, text);
     const auto place = [&](std::string_view name) {
@@ -268,15 +270,18 @@ void check_settings(const RigDescription& rig, const Program& program) {
     const auto refuse_unless_off = [&](std::string_view setting, const char* reason) {
       if (!is_always(place(setting), false)) fail(text(), reason);
     };
+    const bool has_target = !constraint.targets.empty() && constraint.targets[0].type != RigTarget::Type::none;
     switch (constraint.type) {
       case ConstraintType::stretch_to:
-        if (is_always(place("rest_length"), false)) {
-          fail(text(), " has a rest length of 0, which Blender replaces at its first evaluation; press Reset there");
+        if (has_target && is_always(place("rest_length"), false)) {
+          fail(text(),
+               " has a rest length of 0, which Blender replaces when it first acts; show a frame on which it does");
         }
         break;
       case ConstraintType::limit_distance:
-        if (is_always(place("distance"), false)) {
-          fail(text(), " has a distance of 0, which Blender replaces at its first evaluation; press Reset there");
+        if (has_target && is_always(place("distance"), false)) {
+          fail(text(),
+               " has a distance of 0, which Blender replaces when it first acts; show a frame on which it does");
         }
         break;
       case ConstraintType::armature:
@@ -301,7 +306,7 @@ void check_settings(const RigDescription& rig, const Program& program) {
     if (constraint.targets.size() != 1) continue;
     const RigTarget& target = constraint.targets[0];
     const bool is_object =
-        target.type == RigTarget::Type::outside || (target.type == RigTarget::Type::armature && !program.is_at_origin);
+        target.type == RigTarget::Type::outside || (target.type == RigTarget::Type::armature && !is_at_origin);
     const bool is_world = is_always(kTargetSpace, false) || constraint.settings[kTargetSpace] != 1;
     if (is_object && !is_world) {
       fail(text(), " reads an object in local space, which is not computed; choose world space");
@@ -332,6 +337,10 @@ void check_description(const RigDescription& rig) {
     fail("the rig is for version ", rig.blender, " of Blender; expected 402 (4.2) to 599");
   }
   check_finite(rig.world, "the armature's world matrix");
+  const int matrices = static_cast<int>(rig.matrices.size());
+  if (rig.place < -1 || rig.place >= matrices) {
+    fail("the armature's object has matrix ", rig.place, "; expected -1 to ", matrices - 1);
+  }
   for (const OutsideMatrix& matrix : rig.matrices) check_finite(matrix.matrix, "matrix \"" + matrix.name + "\"");
 }
 
@@ -360,8 +369,7 @@ Program build_program(const RigDescription& rig) {
   program.blender = rig.blender;
   program.map = ValueMap(rig);
   program.world = matrix_of(rig.world);
-  program.is_at_origin = program.world == kIdentity4;
-  program.inverse_world = inverse(program.world);
+  program.place = rig.place;
   for (int i = 0; i < static_cast<int>(rig.bones.size()); ++i) add_bone(rig, i, program);
   for (int i = 0; i < static_cast<int>(rig.constraints.size()); ++i) add_constraint(rig, i, program);
   for (const OutsideMatrix& matrix : rig.matrices) program.outside.push_back(matrix_of(matrix.matrix));

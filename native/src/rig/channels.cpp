@@ -76,11 +76,11 @@ void pose_bone(const Program& program, State& state, int index) {
   }
   if (bone.has_constraints) {
     const Vec3 head = pose.location();
-    Mat4 world = to_world(program, pose);
+    Mat4 world = to_world(state, pose);
     for (int i = 0; i < bone.constraint_count; ++i) {
       apply_constraint(program, state, program.constraints[bone.first_constraint + i], world);
     }
-    pose = to_pose(program, world);
+    pose = to_pose(state, world);
     if (bone.is_connected) pose.set_location(head);
   }
   update_tail(program, state, index);

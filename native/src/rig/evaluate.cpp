@@ -71,6 +71,7 @@ void evaluate(const Program& program, State& state, float frame) {
   }
   for (const GivenNumber& given : state.given) state.values[given.value] = given.number;
   place_objects(program, state);
+  if (program.place >= 0) state.put(state.outside[program.place]);
   for (std::size_t i = 0; i < program.order.size(); ++i) {
     const Operation& operation = program.order[i];
     switch (operation.type) {

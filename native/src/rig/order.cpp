@@ -65,6 +65,7 @@ class Graph {
         if (tree.tips[i] != tip_of(program.constraints[tree.constraints[i]])) add_ik(tree.constraints[i], tree.tips[i]);
       }
     }
+    for (const Constraint& constraint : program.constraints) check_idle_chain(constraint);
     for (int i = 0; i < bones_; ++i) add_bone(i);
     for (int i = 0; i < drivers_; ++i) add_driver(i);
   }
@@ -132,6 +133,7 @@ class Graph {
   void add_solver(int constraint);
   void add_ik(int constraint, int tip);
   void add_spline(int constraint);
+  void check_idle_chain(const Constraint& constraint) const;
   void add_chain(int node, const std::vector<int>& bones);
   void see_ready(int bone);
   std::optional<Operation> operation_of(int node) const;
@@ -181,7 +183,7 @@ bool Graph::may_act(const Constraint& constraint) const {
   const auto stays = [&](int setting, bool wanted) {
     return !written_[constraint.values + setting] && (initial(constraint, setting) != 0) == wanted;
   };
-  return !stays(kMuted, true) && !stays(kValid, false) && !stays(kInfluence, false);
+  return !stays(kMuted, true) && !stays(kEnabled, false) && !stays(kValid, false) && !stays(kInfluence, false);
 }
 
 void Graph::add_chain(int node, const std::vector<int>& bones) {
@@ -220,6 +222,27 @@ void Graph::add_ik(int index, int tip) {
   const RigTarget& goal = constraint.targets[0];
   if (goal.type == RigTarget::Type::bone) roots_[goal.index].push_back(chain.back());
   add_chain(node, chain);
+}
+
+/// Refuses IK without a target that reaches into other chains, unless it is within a single one. Blender then takes the
+/// pose of bones before or after IK, as it happens.
+void Graph::check_idle_chain(const Constraint& constraint) const {
+  if (constraint.type != ConstraintType::ik || initial(constraint, kValid) == 0 || has_ik_target(constraint)) return;
+  const int tip = tip_of(constraint);
+  if (tip < 0) return;
+  const int count = static_cast<int>(clamped(initial(constraint, kIkChainLength), 0, 255));
+  const std::vector<int> chain = ik_chain(program_.bones, tip, count);
+  if (std::ranges::none_of(chain, [&](int bone) { return is_solved(bone); })) return;
+  const auto is_within = [&](const Solve& solve) {
+    const bool has_own_root = solve.root == chain.back() || !solves_.contains(chain.back());
+    return has_own_root && std::ranges::all_of(chain, [&](int bone) {
+             return program_.bones[bone].chain < 0 && std::ranges::count(solve.bones, bone) != 0;
+           });
+  };
+  if (std::ranges::any_of(program_.solves, is_within)) return;
+  fail("the IK of ", name(constraint.bone),
+       " has no target and reaches into another chain, of which Blender takes the pose before or after IK, as it "
+       "happens; remove this constraint");
 }
 
 void Graph::add_spline(int index) {

@@ -184,9 +184,8 @@ struct Operation {
 
 struct Program {
   int blender = 502;
-  bool is_at_origin = true;  ///< the armature object's matrix is the identity
-  Mat4 world = kIdentity4;
-  Mat4 inverse_world = kIdentity4;
+  Mat4 world = kIdentity4;  ///< the armature object's matrix
+  int place = -1;           ///< what it is on each frame, in State::outside; -1 for one that stays
   ValueMap map;
   std::vector<Bone> bones;
   std::vector<Constraint> constraints;

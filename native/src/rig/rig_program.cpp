@@ -176,6 +176,9 @@ void RigProgram::convert(const MatrixStack<const float>& poses, std::ptrdiff_t b
   constexpr std::array kSpaces = {world, pose, local, local_with_parent};  // as BoneSpace numbers them
   const rig::Space start = kSpaces[static_cast<std::size_t>(from)];
   const rig::Space end = kSpaces[static_cast<std::size_t>(to)];
+  if (program_->place >= 0 && (start == world || end == world)) {
+    fail("the rig moves as a whole; its matrices cannot be converted from or to world space");
+  }
   const Borrowed borrowed(*states_, *program_);
   rig::State& state = *borrowed;
   const auto pose_of = [&](std::ptrdiff_t frame, std::ptrdiff_t which) {
@@ -188,7 +191,7 @@ void RigProgram::convert(const MatrixStack<const float>& poses, std::ptrdiff_t b
     const auto index = static_cast<int>(bone);
     rig::posed_parent(*program_, state, index);
     rig::Mat4 m = pose_of(frame, bone);
-    if (start == world) m = rig::to_world(*program_, m);
+    if (start == world) m = rig::to_world(state, m);
     out.at(frame, 0) = eigen_of(rig::converted(*program_, state, {index, -1, rig::kIdentity4}, m, start, end));
   }
 }

@@ -139,9 +139,9 @@ Mat4 converted_object(const Conversion& of, const Mat4& m, Space from, Space to)
 Mat4 into_pose(const Program& program, const State& state, const Conversion& of, const Mat4& m, Space from) {
   switch (from) {
     case Space::world:
-      return to_pose(program, m);
+      return to_pose(state, m);
     case Space::custom:
-      return to_pose(program, of.custom * m);
+      return to_pose(state, of.custom * m);
     case Space::local_with_parent:
       return program.bones[of.bone].rest * m;
     case Space::local:
@@ -158,9 +158,9 @@ Mat4 into_pose(const Program& program, const State& state, const Conversion& of,
 Mat4 out_of_pose(const Program& program, State& state, const Conversion& of, const Mat4& m, Space to) {
   switch (to) {
     case Space::world:
-      return to_world(program, m);
+      return to_world(state, m);
     case Space::custom:
-      return inverse(of.custom) * to_world(program, m);
+      return inverse(of.custom) * to_world(state, m);
     case Space::local_with_parent:
       return program.bones[of.bone].inverse_rest * m;
     case Space::local:

@@ -36,11 +36,9 @@ Mat4 from_local(const Program& program, const State& state, int bone, const Mat4
 const Mat4& local_of(const Program& program, State& state, int bone);
 const Vec3& local_sizes_of(const Program& program, State& state, int bone);
 
-inline Mat4 to_world(const Program& program, const Mat4& pose) {
-  return program.is_at_origin ? pose : program.world * pose;
-}
-inline Mat4 to_pose(const Program& program, const Mat4& world) {
-  return program.is_at_origin ? world : program.inverse_world * world;
+inline Mat4 to_world(const State& state, const Mat4& pose) { return state.is_at_origin ? pose : state.world * pose; }
+inline Mat4 to_pose(const State& state, const Mat4& world) {
+  return state.is_at_origin ? world : state.inverse_world * world;
 }
 
 /// Whose matrix is converted, and for which constraint.

@@ -30,7 +30,7 @@ void add_keys(const Spline& spline, State& state) {
   }
 }
 
-void build_path(const Program& program, State& state, const Spline& spline) {
+void build_path(State& state, const Spline& spline) {
   state.spline_points.assign(spline.points.begin(), spline.points.end());
   const float* radii = state.values.data() + spline.radii;
   state.spline_radii.assign(radii, radii + spline.points.size());
@@ -39,9 +39,9 @@ void build_path(const Program& program, State& state, const Spline& spline) {
     const Mat4 inverse_world = inverse(state.outside[spline.matrix]);
     for (const SplineHook& hook : spline.hooks) {
       const RigTarget& target = hook.target;
-      const Mat4 place = target.type == RigTarget::Type::bone      ? program.world * state.poses[target.index]
+      const Mat4 place = target.type == RigTarget::Type::bone      ? state.world * state.poses[target.index]
                          : target.type == RigTarget::Type::outside ? state.outside[target.index]
-                                                                   : program.world;
+                                                                   : state.world;
       move_by_hook(hook, inverse_world * place * matrix_of(std::span<const float, 16>(hook.inverse)),
                    state.spline_points);
     }
@@ -98,7 +98,7 @@ class Follower {
     Vec3 point = place.point;
     if (!keeps_place_) point = transformed_point(state_.outside[program_.splines[chain_.spline].matrix], point);
     radius = (place.radius + radius) / 2;
-    return transformed_point(program_.inverse_world, point);
+    return transformed_point(state_.inverse_world, point);
   }
 
   Ends ends_of(const Bone& bone, const Vec3& head, const Vec3& tail, int number, float pose_length);
@@ -225,8 +225,8 @@ void follow_spline(const Program& program, State& state, const Chain& chain) {
   const int count = static_cast<int>(chain.bones.size());
   for (int i = count - 1; i >= 0; --i) pose_bone(program, state, chain.bones[i]);
   const Acting acting(program, state, program.constraints[chain.constraint]);
-  if (acting.flag(kMuted) || !acting.flag(kValid) || acting.number(kInfluence) == 0) return;
-  build_path(program, state, program.splines[chain.spline]);
+  if (!acting.is_on() || !acting.flag(kValid) || acting.number(kInfluence) == 0) return;
+  build_path(state, program.splines[chain.spline]);
   if (!state.path.is_there()) return;
   Follower follower(program, state, chain);
   for (int i = count - 1; i >= 0; --i) follower.pose(i);

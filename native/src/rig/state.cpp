@@ -43,7 +43,6 @@ State::State(const Program& program)
     work.poses.resize(most_bones);
     work.settings.bones.reserve(most_bones);
     work.settings.goals.reserve(most_goals);
-    work.settings.object = program.world;
     work.settings.blender = program.blender;
     work.solver.reserve(most_bones, most_goals);
   }
@@ -65,6 +64,14 @@ State::State(const Program& program)
       shape.slopes.resize(count);
     }
   }
+  put(program.world);
+}
+
+void State::put(const Mat4& place) {
+  world = place;
+  is_at_origin = world == kIdentity4;
+  inverse_world = inverse(world);
+  for (TreeWork& work : tree_work) work.settings.object = world;
 }
 
 std::unique_ptr<State> States::borrow(const Program& program) {

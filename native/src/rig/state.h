@@ -89,6 +89,9 @@ class PartClock {
 struct State {
   explicit State(const Program& program);
 
+  /// Says where the armature object is.
+  void put(const Mat4& place);
+
   float frame = 0;
   std::uint32_t pass = 0;          ///< counts evaluations
   int undefined_driver = -1;       ///< the first driver that divided by 0 in this frame
@@ -97,7 +100,10 @@ struct State {
   std::vector<GivenNumber> given;  ///< replace what curves set
   std::vector<Mat4> outside;       ///< world matrices from outside
   std::vector<char> is_given;      ///< of those: objects do not replace them
-  std::vector<Mat4> poses;         ///< of each bone, in armature space
+  Mat4 world;                      ///< the armature object's
+  Mat4 inverse_world;
+  bool is_at_origin = true;  ///< that is the identity
+  std::vector<Mat4> poses;   ///< of each bone, in armature space
   std::vector<Vec3> tails;
   std::vector<Mat4> segments;  ///< of each B-bone, relative to its pose
   std::vector<float> variables;

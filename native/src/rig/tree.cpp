@@ -10,8 +10,9 @@
 namespace sinew::rig {
 namespace {
 
-bool is_acting(const State& state, const Constraint& constraint) {
-  return state.values[constraint.values + kInfluence] != 0 && state.values[constraint.values + kMuted] == 0;
+bool is_acting(const Program& program, State& state, const Constraint& constraint) {
+  const Acting acting(program, state, constraint);
+  return acting.is_on() && acting.number(kInfluence) != 0;
 }
 
 /// Computes a bone of the tree after its parents in the tree, once in a frame.
@@ -45,7 +46,7 @@ void fill_goal(const Program& program, State& state, int constraint, int tip, Ik
   goal.has_rotation = acting.flag(kIkUseRotation);
   goal.weight = acting.number(kIkWeight);
   goal.rotation_weight = acting.number(kIkOrientWeight);
-  goal.influence = acting.flag(kMuted) ? 0 : acting.number(kInfluence);
+  goal.influence = acting.is_on() ? acting.number(kInfluence) : 0;
   goal.pole_angle = acting.number(kIkPoleAngle);
   goal.target = acting.target_in_world(0).value_or(kIdentity4);
   const std::optional<Mat4> pole = acting.target_in_world(1);
@@ -90,7 +91,7 @@ bool begin_next(const Program& program, State& state, TreeWork& work) {
     if (plan.bones.front() != work.root) continue;
     for (const int bone : plan.bones) ensure_posed(program, state, bone);
     const bool acts = std::ranges::any_of(
-        plan.constraints, [&](int constraint) { return is_acting(state, program.constraints[constraint]); });
+        plan.constraints, [&](int constraint) { return is_acting(program, state, program.constraints[constraint]); });
     if (!acts) continue;
     state.enter(RigPart::ik);
     begin(program, state, plan, work);
@@ -108,7 +109,7 @@ void solve_trees(const Program& program, State& state, std::span<const Operation
     const Solve& solve = program.solves[trees[i].index];
     const Tree& tree = program.trees[solve.tree];
     const auto& plans =
-        plans_of(tree, [&](int constraint) { return is_acting(state, program.constraints[constraint]); });
+        plans_of(tree, [&](int constraint) { return is_acting(program, state, program.constraints[constraint]); });
     all[i].plans = &plans;
     all[i].root = solve.root;
     all[i].next = 0;

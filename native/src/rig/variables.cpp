@@ -8,11 +8,11 @@ namespace sinew::rig {
 namespace {
 
 Mat4 matrix_in(const Program& program, State& state, const RigTarget& target, TransformSpace space) {
-  if (target.type == RigTarget::Type::armature) return program.world;
+  if (target.type == RigTarget::Type::armature) return state.world;
   if (target.type == RigTarget::Type::outside) return state.outside[target.index];
   switch (space) {
     case TransformSpace::world:
-      return to_world(program, state.poses[target.index]);
+      return to_world(state, state.poses[target.index]);
     case TransformSpace::local:
       return local_of(program, state, target.index);
     default:
@@ -55,7 +55,7 @@ Vec3 location_in(const Program& program, State& state, const ReadTarget& read) {
     }
     if (read.space == TransformSpace::world) {
       const Vec3 location = state.poses[bone].location();
-      return program.is_at_origin ? location : transformed_point(program.world, location);
+      return state.is_at_origin ? location : transformed_point(state.world, location);
     }
   }
   return matrix_in(program, state, read.target, read.space).location();

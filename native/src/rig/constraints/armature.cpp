@@ -16,14 +16,14 @@ constexpr auto kSettings = settings_with(flag_setting("use_deform_preserve_volum
 class Sum {
  public:
   Sum(const Acting& acting, const Vec3& point)
-      : program_(acting.program()), point_(point), is_quaternion_(acting.flag(kPreserveVolume)) {}
+      : state_(acting.state()), point_(point), is_quaternion_(acting.flag(kPreserveVolume)) {}
 
   /// rest  in armature space. movement  from the rest to the pose there.
   void add(const Mat4& rest, const Mat4& movement, float weight) {
     if (weight == 0) return;
-    const Mat4 in_world = program_.is_at_origin ? movement : (program_.world * movement) * program_.inverse_world;
+    const Mat4 in_world = state_.is_at_origin ? movement : (state_.world * movement) * state_.inverse_world;
     if (is_quaternion_) {
-      Mat4 axes = to_world(program_, rest);
+      Mat4 axes = to_world(state_, rest);
       orthogonalize_y(axes, true);
       rig::add(quaternions_, dual_quaternion_of(axes, in_world), weight, point_);
       return;
@@ -44,7 +44,7 @@ class Sum {
   }
 
  private:
-  const Program& program_;
+  const State& state_;
   Vec3 point_;
   bool is_quaternion_;
   Mat4 matrices_ = {};
@@ -58,10 +58,12 @@ Place place_of(const Acting& acting, int target, const Vec3& point) {
   const Bone& bone = program.bones[acting.constraint().targets[target].index];
   const RestShape& shape = acting.state().rest_shapes[bone.bend.number];
   Binding& binding = acting.state().bindings[acting.constraint().first_binding + target];
-  const bool moves = acting.flag(kCurrentLocation);
+  const State& state = acting.state();
+  // To the world and back, which rounds otherwise in another place.
+  const bool moves = acting.flag(kCurrentLocation) || program.place >= 0;
   if (!moves && binding.edition == shape.edition) return binding.place;
   const Place place =
-      place_of_point(bone, shape, program.is_at_origin ? point : transformed_point(program.inverse_world, point));
+      place_of_point(bone, shape, state.is_at_origin ? point : transformed_point(state.inverse_world, point));
   binding = {moves ? 0 : shape.edition, place};
   return place;
 }
@@ -86,7 +88,7 @@ void apply(const Acting& acting, Mat4& owner) {
   Vec3 point = owner.location();
   if (!acting.flag(kCurrentLocation)) {
     point = acting.bone().head;
-    if (!program.is_at_origin) point = transformed_point(program.world, point);
+    if (const State& state = acting.state(); !state.is_at_origin) point = transformed_point(state.world, point);
   }
   Sum sum(acting, point);
   float total = 0;

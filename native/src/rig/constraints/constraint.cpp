@@ -43,9 +43,9 @@ Mat4 Acting::custom_space() const {
   if (!is_custom) return kIdentity4;
   switch (space.type) {
     case RigTarget::Type::bone:
-      return to_world(program_, state_.poses[space.index]);
+      return to_world(state_, state_.poses[space.index]);
     case RigTarget::Type::armature:
-      return program_.world;
+      return state_.world;
     case RigTarget::Type::outside:
       return state_.outside[space.index];
     default:
@@ -57,10 +57,10 @@ std::optional<Mat4> Acting::target_in_world(int number_of_target, bool is_whole)
   const RigTarget& target = constraint_.targets[number_of_target];
   switch (target.type) {
     case RigTarget::Type::bone:
-      return to_world(program_,
+      return to_world(state_,
                       pose_along(program_, state_, target.index, number(kHeadTail), flag(kAlongBend), is_whole));
     case RigTarget::Type::armature:
-      return program_.world;
+      return state_.world;
     case RigTarget::Type::outside:
       return state_.outside[target.index];
     default:
@@ -80,7 +80,7 @@ std::optional<Mat4> Acting::target(bool is_whole) const {
 void apply_constraint(const Program& program, State& state, const Constraint& constraint, Mat4& world) {
   const ConstraintKind& kind = kind_of(constraint.type);
   const Acting acting(program, state, constraint);
-  if (acting.flag(kMuted) || !acting.flag(kValid)) return;
+  if (!acting.is_on() || !acting.flag(kValid)) return;
   const float influence = acting.number(kInfluence);
   if (influence == 0) return;
   const Mat4 custom = acting.custom_space();

@@ -27,6 +27,9 @@ class Acting {
   bool flag(int setting) const { return number(setting) != 0; }
   bool flag(int setting, int axis) const { return flag(setting + axis); }
 
+  /// Whether it is switched on, by both of its switches.
+  bool is_on() const { return !flag(kMuted) && flag(kEnabled); }
+
   /// An enumeration's item, made one of 0 to count - 1.
   int choice(int setting, int count) const {
     const float chosen = number(setting);

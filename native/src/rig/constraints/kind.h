@@ -29,7 +29,7 @@ template <class... Own>
 constexpr std::array<RigSetting, kCommonValueCount + sizeof...(Own)> settings_with(const Own&... own) {
   return {{real_setting("influence", 1, 0, 1), flag_setting("mute"), flag_setting("is_valid"),
            choice_setting("owner_space", 6), choice_setting("target_space", 6), real_setting("head_tail", 0, 0, 1),
-           flag_setting("use_bbone_shape"), own...}};
+           flag_setting("use_bbone_shape"), RigSetting{"enabled", 1, ValueKind::boolean, 0, 1, 1}, own...}};
 }
 
 }  // namespace sinew::rig
