@@ -423,7 +423,7 @@ def use_a_constraint_that_is_not_covered(armature):
 
 @pytest.mark.parametrize(
     ("change", "reason"),
-    [(follow_a_moving_object, "follows Target"), (use_a_constraint_that_is_not_covered, "SHRINKWRAP is not covered")],
+    [(follow_a_moving_object, "follows Target"), (use_a_constraint_that_is_not_covered, "Shrinkwrap is not covered")],
 )
 def test_what_cannot_be_a_program_is_recorded(cast, change, reason):
     for armature, *_ in both(cast):

@@ -655,7 +655,7 @@ def test_what_is_switched_off_may_be_of_any_kind(armature):
     constraint.enabled = False
     assert differences(armature) == []
     constraint.keyframe_insert("enabled", frame=1)
-    assert "the type SHRINKWRAP is not covered" in refusal(armature)
+    assert "the type Shrinkwrap is not covered" in refusal(armature)
 
 
 def test_use_self_counts_for_python_alone(armature):
