@@ -973,6 +973,23 @@ def test_the_switch(cast):
     cast.play()
 
 
+def test_the_profile_is_that_of_rigs_that_blender_evaluates(cast):
+    accelerate(cast)
+    states = []
+
+    def look(*_):
+        states.append(cast.rig.is_frozen)
+
+    bpy.app.handlers.frame_change_pre.append(look)
+    try:
+        profile = addon_module("profiling.measure").run(bpy.context, 2, 7)
+    finally:
+        bpy.app.handlers.frame_change_pre.remove(look)
+    assert profile.objects and len(states) > 20 and sum(states) <= 2  # before and after
+    assert cast.rig.is_frozen
+    cast.play()
+
+
 def test_each_rig_has_a_switch(cast):
     accelerate(cast)
     cast.frozen[0].sinew_accelerates_rig = False

@@ -31,7 +31,7 @@ def accelerate(scene: Any, layer: Any) -> None:
 def accelerate_unasked(scene: Any, graph: Any) -> None:
     """Accelerates the rigs in the background, in a handler after an evaluation. graph: what was evaluated; exporters
     have their own."""
-    if not playing.is_busy() and graph == graph.view_layer.depsgraph:
+    if not (playing.is_busy() or freezing.keeps_live()) and graph == graph.view_layer.depsgraph:
         _accelerate(scene, graph.view_layer)
 
 

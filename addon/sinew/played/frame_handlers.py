@@ -95,7 +95,7 @@ def freeze_again() -> float:
     accelerates rigs. Returns the seconds until the next call."""
     global _tried, _has_accelerated, _looks, _paused_until
     context = bpy.context
-    if context.window is None or evaluations.is_job_running():
+    if context.window is None or evaluations.is_job_running() or freezing.keeps_live():
         _tried = (-1, False)  # what has to wait for a job is tried after it
         return SECONDS_BETWEEN_LOOKS
     is_playing = context.screen.is_animation_playing

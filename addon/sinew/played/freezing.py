@@ -37,6 +37,7 @@ from .rigs import State
 
 MOST_ATTEMPTS = 3
 _is_building = False  # Blender is evaluating because this module has asked it to
+_keeps_live = False
 
 
 def is_building() -> bool:
@@ -122,15 +123,23 @@ def keep_frozen(scene: Any, layer: Any) -> None:
     _build(rigs.frozen(), scene, layer)
 
 
+def keeps_live() -> bool:
+    """Whether Blender is to evaluate all armatures, see `all_live`."""
+    return _keeps_live
+
+
 @contextmanager
 def all_live(scene: Any, layer: Any) -> Iterator[None]:
     """Has Blender evaluate all armatures inside the `with` block."""
-    own = rigs.frozen()
+    global _keeps_live
+    own, before = rigs.frozen(), _keeps_live
     if own:
         thaw(own, scene, layer)
+    _keeps_live = True
     try:
         yield
     finally:
+        _keeps_live = before
         if own:
             freeze(own, scene, layer)
 

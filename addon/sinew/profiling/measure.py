@@ -17,6 +17,7 @@ from ..blender import animation, modifier_types, nodes, values
 from ..feedback import long_work
 from ..main import whole_frames
 from ..plan import bindable, survey, ways, wiring
+from ..played import freezing
 from ..run import characters
 from . import absences, armatures_alone, costs
 from .costs import CLOCK, DIFFERENCE, OWN_CLOCK, ObjectCost, Part
@@ -39,7 +40,8 @@ def steps(context: bpy.types.Context, first: int, last: int) -> Generator[tuple[
     scene = context.scene
     before = scene.frame_current, scene.frame_subframe
     try:
-        return (yield from _measure(context, scene, costs.spread(first, last)))
+        with freezing.all_live(scene, context.view_layer):  # else some are native, and some of the time
+            return (yield from _measure(context, scene, costs.spread(first, last)))
     finally:
         scene.frame_set(before[0], subframe=before[1])
 
