@@ -416,7 +416,7 @@ def test_what_is_played_is_what_was_baked(figure, tmp_path, format, bound, first
     figure.data.shape_keys.animation_data_clear()
     assert_plays(figure, expected, frames)
     assert not figure.modifiers["Armature"].show_viewport and not figure.modifiers["Corrective"].show_render
-    with pytest.raises(RuntimeError, match=r"sinew_play_cache.*poll\(\) failed"):
+    with pytest.raises(RuntimeError, match=r"plays a cache: detach it first"):
         bpy.ops.object.sinew_play_cache(filepath=str(tmp_path / f"Tube.{format}"))
     assert bpy.ops.object.sinew_take_off_cache() == {"FINISHED"}
     assert switches(figure) == before and figure.sinew.is_bound == bound
