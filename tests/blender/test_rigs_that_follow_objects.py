@@ -361,7 +361,7 @@ EDITS = (
     *(key, edit_a_key, move, move_the_parent, let_go, hold, drive, remove, stop, hide),
     *(pose, pose_and_move, key_a_bone, set_influence, look_elsewhere),
 )
-STAYS_LIVE = (hold, drive, remove)  # what is removed was the target of an IK
+STAYS_LIVE = (hold, drive)
 
 
 @pytest.mark.parametrize("is_seen", (True, False), ids=("with an update", "without"))
