@@ -127,6 +127,7 @@ def test_the_native_method_is_what_is_shown(fresh_scene, method, keys):
         assert np.abs(shape - other).max() > 1e-3 * diagonal(shape)
 
 
+@needs_memory
 @pytest.mark.parametrize("method", (BLENDED, CENTERS, MUSH))
 def test_saved_and_opened(character, tmp_path, method):
     ob, _twin = character
