@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from walk.shrink import Walker, options_of, shrink
+from walk.shrink import Walker, failure_of, options_of, shrink
 
 
 @pytest.mark.parametrize("culprits", ((0,), (99,), (3, 17, 44), (0, 1, 98, 99), tuple(range(20, 30))))
@@ -38,4 +38,19 @@ def test_a_crash_is_a_failure(tmp_path):
     )
     walker = Walker([sys.executable, str(blender)], "1", [])
     code, last, said = walker.walk("--steps", "5")
-    assert code != 0 and last == 3 and "about to" in said and walker.fails([3])
+    assert code != 0 and last == 3 and "about to" in said and walker.failure([3]) == (code, "")
+
+
+@pytest.mark.parametrize(
+    "code, said, kind",
+    [
+        (0, "walk: step 7: play", None),
+        (1, "walk: FAILED: Tube 1 (bound, KEYS , OBJECT): shape: 1.29e-05 of the diagonal", (1, "shape")),
+        (1, "walk: FAILED: Tube 2 (not bound, EDIT): modifiers [], due are ['Armature']", (1, "modifiers")),
+        (1, "walk: FAILED: (mesh, bone that it does not wait for) {}", (1, "")),
+        (-11, "walk: step 7: play", (-11, "")),
+    ],
+)
+def test_a_failure_is_told_from_others(code, said, kind):
+    """So that what is shrunk is the one that was found, whatever its numbers."""
+    assert failure_of(code, said + "\nBlender 5.2.2 LTS\n") == kind

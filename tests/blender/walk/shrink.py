@@ -63,8 +63,17 @@ class Walker:
                 said.append(line)
         return process.returncode, last, "".join(said)
 
-    def fails(self, steps):
-        return self.walk("--only", as_text(steps))[0] != 0
+    def failure(self, steps):
+        """What is wrong behind some of these steps, see failure_of; None if nothing is."""
+        code, _last, said = self.walk("--only", as_text(steps))
+        return failure_of(code, said)
+
+
+def failure_of(code, said):
+    """What an exit code and the last step's words say is wrong, without numbers, so that fewer steps may show the same
+    with other ones; None if nothing is."""
+    found = re.search(r"^walk: FAILED: [^(]*.*: ([a-z]+)", said, re.M)
+    return None if code == 0 else (code, found[1] if found else "")
 
 
 def as_text(steps):
@@ -84,9 +93,14 @@ def main():
     print(f"exit code {code} at step {last}; looking for the steps that matter", flush=True)
     taken = [step for step in options.only or range(last + 1) if step <= last]
     candidates = [step for step in taken if step // LENGTH == last // LENGTH]
+    wanted = failure_of(code, said)
+
+    def fails(steps):
+        return walker.failure(steps) == wanted
+
     for steps in candidates, taken:
-        if walker.fails(steps):
-            left = shrink(steps, walker.fails)
+        if fails(steps):
+            left = shrink(steps, fails)
             code, _last, said = walker.walk("--only", as_text(left))
             print(f"exit code {code}:\n{said.rstrip()}\nagain: ./dev walk --seed {options.seed} --only {as_text(left)}")
             return 1
