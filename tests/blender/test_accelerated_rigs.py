@@ -881,6 +881,16 @@ def test_the_bone_that_keeps_a_rig_from_being_native_can_be_selected(cast):
             operator(armature="Nobody")
 
 
+def test_a_difference_can_be_reported_when_nothing_else_is_said(cast):
+    accelerate(cast)
+    assert buttons(cast) == set()
+    cast.rig.difference = "one"
+    assert buttons(cast) == {"object.sinew_report_rig"}
+    cast.scene.sinew_accelerates_rigs = False
+    assert buttons(cast) == set()  # nothing is known any more
+    cast.scene.sinew_accelerates_rigs = True
+
+
 @pytest.mark.says_errors
 def test_one_that_has_differed_twice_can_be_tried_again(cast, misread):
     cast.scene.frame_set(3)

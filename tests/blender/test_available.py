@@ -17,7 +17,6 @@ ALWAYS = {
     "object.sinew_report_rig",
     "object.sinew_select_bone",
     "wm.sinew_manual",
-    "wm.sinew_try_again",
     "wm.sinew_take_flag_down",
 }
 MOST_LETTERS = 80

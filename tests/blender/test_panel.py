@@ -301,6 +301,21 @@ def test_which_way_a_mesh_goes_and_why(fresh_scene):
         bpy.ops.object.sinew_move_down()
 
 
+@needs_memory
+def test_the_modifier_that_is_in_the_way_is_moved_and_no_other(fresh_scene):
+    """Whose name another one's begins with."""
+    ob = make_mesh(make_armature(), False)
+    accelerate(ob)
+    for name, kind in (("Cast", "UV_WARP"), ("Cast.001", "CAST")):
+        ob.modifiers.new(name, kind)
+        bpy.ops.object.modifier_move_to_index(modifier=name, index=len(ob.modifiers) - 3)
+    bpy.context.view_layer.update()
+    select(ob)
+    assert bpy.ops.object.sinew_move_down() == {"FINISHED"}
+    names = [each.name for each in ob.modifiers]
+    assert names.index("Cast") < names.index("Armature") < names.index("Cast.001")
+
+
 def test_a_long_sentence_in_a_narrow_sidebar():
     sentence = "A sentence that nobody could read if its middle were left out"
     context = SimpleNamespace(

@@ -101,12 +101,15 @@ def modifiers_of(curve: bpy.types.FCurve) -> list[dict[str, Any]]:
 
 
 def modifier_of(curve: bpy.types.FCurve, modifier: bpy.types.FModifier) -> dict[str, Any]:
-    what = f"the modifier {modifier.type.capitalize()} of the curve of {rna_paths.spoken(curve.data_path)}"
+    def refused(why: str) -> Refused:
+        where = f"the modifier {modifier.type.capitalize()} of the curve of {rna_paths.spoken(curve.data_path)}"
+        return Refused(f"{where} {why}")
+
     if modifier.type not in _SETTINGS:
-        raise Refused(f"{what} is not covered: bake it into keys")
+        raise refused("is not covered: bake it into keys")
     is_partial = modifier.use_restricted_range or modifier.use_influence
     if is_partial and modifier.type == "CYCLES" or modifier.use_restricted_range and modifier.type == "STEPPED":
-        raise Refused(f"{what} has a frame range or an influence: remove it")
+        raise refused("has a frame range or an influence: remove it")
     row = {"type": modifier.type} | {name: getattr(modifier, name) for name in _SETTINGS[modifier.type]}
     if modifier.type == "GENERATOR":
         row["coefficients"] = list(modifier.coefficients)

@@ -157,7 +157,7 @@ def trust(rig: rigs.Rig) -> None:
     """Lets an armature be computed again whose program has differed from Blender."""
     rig.is_distrusted = rig.has_differed = False
     rig.difference, rig.distrusted, rig.reason = None, None, ""
-    rig.tries = rig.tries_to_skip = 0
+    rig.try_at_once()
 
 
 def drop(rig: rigs.Rig) -> list[rigs.Rig]:

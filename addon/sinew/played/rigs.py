@@ -124,6 +124,10 @@ class Rig:
         """Whether its own switch leaves it to Blender."""
         return is_alive(self.ob) and not self.ob.sinew_accelerates_rig
 
+    def try_at_once(self) -> None:
+        """Has it tried again as soon as possible, see accelerating.py."""
+        self.tries = self.tries_to_skip = 0
+
     @property
     def is_recorded(self) -> bool:
         """Whether its poses are recorded while Blender evaluates it: not if they can be computed. Of those that are

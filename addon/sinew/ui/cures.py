@@ -82,13 +82,12 @@ class _Cure(available.Explains):
 
 
 def first_in_the_way(ob: bpy.types.Object) -> Any:
-    """Returns the modifier of a bound mesh that keeps Sinew from it because it comes before the armature's, or None."""
-    entry, ours = characters.looked_at(ob), ob.sinew.modifiers
-    if entry is None or not entry.way.reason or not ours:
+    """Returns the modifier of a bound mesh that plan/ways.py advises to move behind the armature's, here and not in a
+    library, or None."""
+    entry = characters.looked_at(ob)
+    if entry is None or entry.way.reason.endswith(", in the library"):
         return None
-    before = list(ob.modifiers)[: list(ob.modifiers).index(ours[0])]
-    said = entry.way.reason.partition(" comes before ")
-    return next((each for each in before if said[1] and said[0].startswith(each.name)), None)
+    return next((each for each in ob.modifiers if f": move {each.name} behind " in entry.way.reason), None)
 
 
 class MoveDown(_Cure, bpy.types.Operator):

@@ -207,7 +207,7 @@ def _switch_rigs(scene: Any, context: Any) -> None:
         for rig in own:
             rig.clear()
     for rig in here:
-        rig.tries = rig.tries_to_skip = 0
+        rig.try_at_once()
 
 
 def _switch_rig(ob: Any, context: Any) -> None:
@@ -215,7 +215,7 @@ def _switch_rig(ob: Any, context: Any) -> None:
     rig = rigs.get(ob)
     if rig is None:
         return
-    rig.tries = rig.tries_to_skip = 0
+    rig.try_at_once()
     if rig.stays_live and rig.is_wanted:
         graph = rig.graph()
         scene, layer = (context.scene, context.view_layer) if graph is None else (graph.scene, graph.view_layer)

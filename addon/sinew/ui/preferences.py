@@ -13,6 +13,7 @@ from ..native import sinew_native
 from ..onion import onion_settings
 from ..played import freezing, rigs
 from ..run import characters
+from . import available
 
 log = logging.getLogger("sinew")
 MANUAL = Path(__file__).parents[1] / "manual" / "README.html"
@@ -138,7 +139,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
         row.operator(OpenManual.bl_idname, icon="HELP")
 
 
-class TryAgain(bpy.types.Operator):
+class TryAgain(available.Explains, bpy.types.Operator):
     """Use Blender's memory again, although Blender crashed while Sinew used it"""
 
     bl_idname = "wm.sinew_try_again"
@@ -146,8 +147,8 @@ class TryAgain(bpy.types.Operator):
     bl_options = {"INTERNAL"}
 
     @classmethod
-    def poll(cls, _context):
-        return memory_use.has_crashed()
+    def why_not(cls, _context):
+        return "" if memory_use.has_crashed() else "Blender has not crashed while Sinew used its memory"
 
     def execute(self, _context):
         memory_use.try_again()

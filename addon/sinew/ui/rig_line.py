@@ -13,7 +13,7 @@ from ..description import reading
 from ..feedback import notice
 from ..host import contract, features
 from ..played import changes, differences, rigs
-from .weights import select_bones
+from .weights import enter_pose_mode, select_bones
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) -> None:
@@ -22,16 +22,16 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) 
         return
     column = layout.column(align=True)
     column.prop(armature, "sinew_accelerates_rig")
-    text, reason = text_of(armature)
-    if not context.scene.sinew_accelerates_rigs:
-        text, reason = "Rig: Blender's, since the scene's Accelerate Rigs is off", ""
+    text, reason = "Rig: Blender's, since the scene's Accelerate Rigs is off", ""
+    if context.scene.sinew_accelerates_rigs:
+        text, reason = text_of(armature)
     if rigs.get(armature) is not None:  # always two lines, so that nothing moves below while somebody poses
         first, second = (text.splitlines() + ["", ""])[:2]
         column.label(text=first, icon="ARMATURE_DATA" if first else "BLANK1")
         column.label(text=second, icon="BLANK1")
     if reason:
         notice.draw_sentence(column, context, reason[0].upper() + reason[1:], False)
-        _draw_cures(column, armature, reason)
+    _draw_cures(column, armature, reason)
 
 
 def _draw_cures(layout: bpy.types.UILayout, armature: Any, reason: str) -> None:
@@ -41,9 +41,9 @@ def _draw_cures(layout: bpy.types.UILayout, armature: Any, reason: str) -> None:
         return
     if bone_of(armature, reason):
         row.operator(SelectBone.bl_idname).armature = armature.name_full
-    if rig.is_distrusted:
+    if reason and rig.is_distrusted:
         row.operator(AccelerateAgain.bl_idname).armature = armature.name_full
-    if rig.source.refusal and rigs.has_animation(armature):
+    if reason and rig.source.refusal and rigs.has_animation(armature):
         row.operator("object.sinew_freeze", text="Record Instead")
     if rig.difference is not None:
         row.operator(ReportRig.bl_idname).armature = armature.name_full
@@ -86,11 +86,7 @@ class SelectBone(_OfRig, bpy.types.Operator):
             return {"CANCELLED"}
         if context.mode not in {"OBJECT", "POSE"} or context.active_object not in (None, rig.ob):
             bpy.ops.object.mode_set(mode="OBJECT")
-        for other in context.selected_objects:
-            other.select_set(other == rig.ob)
-        rig.ob.select_set(True)
-        context.view_layer.objects.active = rig.ob
-        bpy.ops.object.mode_set(mode="POSE")
+        enter_pose_mode(context, rig.ob)
         select_bones(rig.ob, {name})
         rig.ob.data.bones.active = rig.ob.data.bones[name]
         return {"FINISHED"}

@@ -187,6 +187,15 @@ def selected_bones(armature: bpy.types.Object) -> list[str]:
     return [bone.name for bone in armature.pose.bones if (bone.select if hasattr(bone, "select") else bone.bone.select)]
 
 
+def enter_pose_mode(context: bpy.types.Context, armature: bpy.types.Object) -> None:
+    """Selects only an armature object that is visible, and goes to Pose Mode with it."""
+    for other in context.selected_objects:
+        other.select_set(False)
+    armature.select_set(True)
+    context.view_layer.objects.active = armature
+    bpy.ops.object.mode_set(mode="POSE")
+
+
 def select_bones(armature: bpy.types.Object, names: Any) -> None:
     """Selects only the bones of these names."""
     for bone in armature.pose.bones:
@@ -348,11 +357,7 @@ class SelectReportedBones(available.Explains, bpy.types.Operator):
             )
             return {"CANCELLED"}
         if context.mode == "OBJECT" and armature.visible_get():
-            for other in context.selected_objects:
-                other.select_set(False)
-            armature.select_set(True)
-            context.view_layer.objects.active = armature
-            bpy.ops.object.mode_set(mode="POSE")
+            enter_pose_mode(context, armature)
         select_bones(armature, set(names))
         self.report({"INFO"}, f"{reports.counted(len(names), 'bone')} of {armature.name} selected")
         return {"FINISHED"}

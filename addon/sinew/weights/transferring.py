@@ -229,9 +229,8 @@ def refuse(sources: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Obje
 
 
 def _is_deformed(ob: bpy.types.Object) -> bool:
-    """Whether an armature deforms a mesh object: a bound one may have none."""
-    is_bound = ob.sinew.is_bound and ob.sinew.armature is not None
-    return is_bound or ob.parent_type == "ARMATURE" or bool(armatures.of_modifiers(ob))
+    """Whether an armature deforms a mesh object."""
+    return ob.parent_type == "ARMATURE" or bool(armatures.of_modifiers(ob))
 
 
 def _names(objects):
