@@ -49,13 +49,19 @@ demo() {
     grep --line-buffered -vE '^(Fra:|Saved:| Time:|$)' # the renderer's progress
 }
 
-# With the zip that is installed. A walk that fails is cut down to the steps that matter.
+# With the zip that is installed. A walk that fails is cut down to the steps that matter. With --poison among the options,
+# Blender and the C library overwrite what they free, so that whoever still reads it is found out.
 walk_at_random() {
+  local option options=() command=("$BLENDER")
+  for option in "$@"; do
+    if [ "$option" = --poison ]; then command+=(--debug-memory); else options+=("$option"); fi
+  done
   say "a random walk in $("$BLENDER" --version | head -1)"
-  isolated $PYTHON tests/blender/walk/shrink.py "$@" -- "$BLENDER"
+  MALLOC_PERTURB_=$((${#command[@]} > 1 ? 165 : 0)) \
+    isolated $PYTHON tests/blender/walk/shrink.py "${options[@]}" -- "${command[@]}"
 }
 
-# [--blender VERSION] [options of walk/shrink.py]
+# [--blender VERSION] [--poison] [options of walk/shrink.py]
 walk() {
   if [ "${1:-}" = --blender ]; then
     use_blender "${2:?--blender wants a version}"

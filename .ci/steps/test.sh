@@ -60,6 +60,15 @@ run_tests() {
   start "native tests" ctest --test-dir "$BUILD" --output-on-failure
   [ "$kind" != release ] || in_memory=()
   start "address sanitizer" sanitize_address "${in_memory[@]}"
+  # The two longest, the sanitizer and 5.2, are first, so that the short ones fill both cores at the end.
+  install_packages assimp-testmodels assimp-utils # characters that nobody here made; a reader of glTF and FBX
+  for version in "${versions[@]}"; do
+    part=()
+    [[ ! "$kind $version" =~ ^all\ (3|4) ]] || part=("${WHAT_BUILDS_DIFFER_IN[@]}")
+    [[ "$kind $version" != "all 5.3" ]] || part=("${WHAT_A_NEW_BLENDER_CHANGES[@]}")
+    [[ "$kind $version" != "all windows-"* ]] || part=("${WHAT_SYSTEMS_DIFFER_IN[@]}")
+    start "Blender $version" test_in_blender "$version" "${part[@]}" "$@"
+  done
   start "Python tests" python_tests # with Debian 12's numpy 1; the Python package's are run with 2, too
   [ "$kind" != release ] || start "Windows" cross windows
   if [[ " ${systems[*]} " = *" windows "* ]]; then
@@ -84,14 +93,6 @@ run_tests() {
   fi
   [ "$kind" = release ] || packaged=(tests/wheel)
   start "Python package" package_tests "${packaged[@]}"
-  install_packages assimp-testmodels assimp-utils # characters that nobody here made; a reader of glTF and FBX
-  for version in "${versions[@]}"; do
-    part=()
-    [[ ! "$kind $version" =~ ^all\ (3|4) ]] || part=("${WHAT_BUILDS_DIFFER_IN[@]}")
-    [[ "$kind $version" != "all 5.3" ]] || part=("${WHAT_A_NEW_BLENDER_CHANGES[@]}")
-    [[ "$kind $version" != "all windows-"* ]] || part=("${WHAT_SYSTEMS_DIFFER_IN[@]}")
-    start "Blender $version" test_in_blender "$version" "${part[@]}" "$@"
-  done
   for version in "${versions[@]}"; do
     [[ ! $version =~ ^(own|3.4|5.2)$ || "$kind $version" = "all 3.4" ]] || start "farm with Blender $version" farm_tests "$version"
   done

@@ -45,6 +45,22 @@ def test_the_tables_of_blenders_memory_are_up_to_date(tmp_path):
     assert "run docs/make_memory_table.py" in maker.check()
 
 
+WRITES = {  # by address, as Python and C++ do
+    "addon/sinew/host/*.py": r"\.value = |memmove\(|host\.(write|play|step|silence|restore)_",
+    "native/bindings/host/*.*": r"\bwrite\(\w|memcpy\((reinterpret_cast<void|to\b)",
+}
+
+
+def test_all_that_writes_into_blenders_memory_is_listed():
+    table = (DOCS / "blenders-memory.md").read_text(encoding="utf-8").split("## What is written")[1].split("\n## ")[0]
+    listed = set(re.findall(r"[a-z_]+\.(?:py|cpp|h)\b", table))
+    for pattern, writes in WRITES.items():
+        for each in ROOT.glob(pattern):
+            if re.search(writes, each.read_text(encoding="utf-8")):
+                assert each.name in listed
+    assert all(any((ROOT / pattern).parent.joinpath(name).exists() for pattern in WRITES) for name in listed)
+
+
 def python_of(page):
     return re.findall(r"^```python\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
