@@ -270,3 +270,17 @@ def test_a_bake_that_is_closed_early_leaves_nothing(figure, tmp_path, always):
             pass
         work.close()
         assert all(modifier.show_viewport for modifier in figure.modifiers) and leftovers() == []
+
+
+@pytest.mark.parametrize("is_forgotten", [False, True], ids=["closed", "left over"])
+def test_whoever_deletes_all_scenes_meanwhile_keeps_an_empty_one(figure, is_forgotten):
+    """Blender does not let go of the last scene."""
+    add_modifiers(figure, TAILS["smooth"])
+    probing = addon_module("stencils.probing")
+    canvas = probing.Canvas(figure, figure.modifiers[:], bpy.context.scene.render, figure.data.copy)
+    assert len(canvas.mesh.vertices) > 0
+    for scene in [each for each in bpy.data.scenes if not each.name.startswith(probing.NAME)]:
+        bpy.data.scenes.remove(scene)
+    (probing.remove_leftovers if is_forgotten else canvas.close)()
+    (scene,) = bpy.data.scenes
+    assert (scene.name, len(scene.objects), leftovers()) == ("Scene", 0, [])

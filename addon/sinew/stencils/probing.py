@@ -96,9 +96,9 @@ class Canvas:
     def close(self) -> None:
         """Removes what it has made. The next result makes it again."""
         made, self._made = self._made, ()
-        for block, collection in zip(made, ("scenes", "objects", "meshes")):
+        for block, remove in zip(made, (_remove_scene, bpy.data.objects.remove, bpy.data.meshes.remove)):
             if _is_alive(block):
-                getattr(bpy.data, collection).remove(block)
+                remove(block)
 
     def result(self, positions: np.ndarray, is_shifted: bool = True) -> np.ndarray:
         """Returns the vertices (R, 3) that the modifiers make of these (V, 3). is_shifted: with Arrays' offsets."""
@@ -123,11 +123,19 @@ def _is_alive(block: Any) -> bool:
         return False
 
 
+def _remove_scene(scene: bpy.types.Scene) -> None:
+    """Removes a canvas's scene. If the user has deleted all others meanwhile, it stays, as one of theirs."""
+    if any(each.library is None for each in bpy.data.scenes if each != scene):
+        bpy.data.scenes.remove(scene)
+    else:
+        scene.name = "Scene"
+
+
 def remove_leftovers() -> None:
     """Removes what an undo step, or a file that was saved by itself, has kept of canvases."""
     for scene in [each for each in bpy.data.scenes if each.name.startswith(NAME)]:
         found = [(ob, ob.data) for ob in scene.collection.objects]
-        bpy.data.scenes.remove(scene)
+        _remove_scene(scene)
         for ob, mesh in found:
             bpy.data.objects.remove(ob)
             bpy.data.meshes.remove(mesh)
