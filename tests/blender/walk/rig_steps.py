@@ -179,7 +179,9 @@ def change_constraint(random, armature):
             new.chain_count = 1
         if hasattr(new, "target"):
             new.target = armature
-            new.subtarget = random.choice([bone.name for bone in armature.pose.bones if bone != side] or [""])
+            new.subtarget = random.choice(
+                [bone.name for bone in armature.pose.bones if side not in scene.followed_by(bone)] or [""]
+            )
         return f"new {new.type}"
     if not found:
         return None

@@ -152,3 +152,13 @@ def take_keyframes():
         for ob in bpy.context.view_layer.objects:
             seen = ob.evaluated_get(graph)
             ob.location, ob.rotation_euler = seen.location.copy(), seen.rotation_euler.copy()
+
+
+def followed_by(bone):
+    """The bones that a pose bone follows, and itself. In a cycle, what Blender shows depends on what it has shown."""
+    found = [bone]
+    for each in found:
+        targets = [(one.target, one.subtarget) for one in each.constraints if getattr(one, "subtarget", "")]
+        bones = [each.parent, *(target.pose.bones.get(name) for target, name in targets if target and target.pose)]
+        found += [other for other in bones if other is not None and other not in found]
+    return found

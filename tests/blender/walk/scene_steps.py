@@ -122,10 +122,11 @@ def constrain_bone(random):
         else:
             constraint = bone.constraints.new(random.choice(("COPY_ROTATION", "CHILD_OF", "DAMPED_TRACK")))
             constraint.target = bpy.data.objects.get(random.choice(("Target 1", "Target 2")))
-            others = [each for each in scene.armatures() if each != armature and len(each.pose.bones)]
+            others = [each for each in scene.armatures() if each != armature]
+            others = [found for each in others for found in each.pose.bones if bone not in scene.followed_by(found)]
             if others and random.random() < 0.6:
-                constraint.target = random.choice(others)
-                constraint.subtarget = random.choice(constraint.target.pose.bones).name
+                other = random.choice(others)
+                constraint.target, constraint.subtarget = other.id_data, other.name
                 if constraint.type == "COPY_ROTATION":
                     constraint.target_space = random.choice(("WORLD", "LOCAL", "POSE", "LOCAL_WITH_PARENT"))
 
