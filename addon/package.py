@@ -104,7 +104,10 @@ def wheel_of(module, platform):
     python = "cp3" + re.search(r"\.c(?:python-|p)3(\d+)-", module.name)[1]
     tag = f"{python}-{python}-{WHEEL_PLATFORMS[platform]}"
     info = f"sinew_native-{version()}.dist-info"
-    text = f"Metadata-Version: 2.1\nName: sinew_native\nVersion: {version()}\nLicense: GPL-3.0-or-later\n"
+    text = (
+        f"Metadata-Version: 2.1\nName: sinew_native\nVersion: {version()}\nLicense: GPL-3.0-or-later\n"
+        "Description-Content-Type: text/plain\n\nThe native core of Sinew, a Blender add-on, for its extension.\n"
+    )
     files = {
         module.name: module.read_bytes(),
         f"{info}/METADATA": text.encode(),
