@@ -50,9 +50,9 @@ def end_rests() -> None:
 def rest_edited(layer: Any) -> None:
     """Has rigs that are not accelerated rest if somebody has edited them since the last evaluation. Call it before
     one."""
-    for rig in map(rigs.learn, _armatures(layer) if _can_freeze() else ()):
-        if not rig.is_idle and resting.is_edited(rig.ob, layer.depsgraph):
-            rig.rest.note_live(True, True)
+    for ob in _worth(layer) if _can_freeze() else ():
+        if resting.is_edited(ob, layer.depsgraph):
+            rigs.learn(ob).rest.note_live(True, True)
 
 
 def _can_freeze() -> bool:
@@ -144,14 +144,19 @@ def forget() -> None:
 
 
 def _armatures(layer: Any) -> list[Any]:
+    """Returns what `_worth` does, each after those that it follows."""
+    worth = _worth(layer)
+    due = dependencies.in_order(ob for ob in worth if not _waits(ob))
+    return rigs.moving(list(dict.fromkeys((*due, *worth))))
+
+
+def _worth(layer: Any) -> list[Any]:
     """Returns the armature objects, hidden or not, of bound meshes that are seen in a view layer, if they are worth it
-    and are not accelerated, each after those that it follows."""
+    and are not accelerated."""
     idle = {rig.ob for rig in rigs.idle()}
     moved = ((ob, [each for each in armatures.of_modifiers(ob) if each not in idle]) for ob in characters.known())
     found = {each: None for ob, own in moved if own and ob.visible_get(view_layer=layer) for each in own}
-    worth = [ob for ob in found if _work(ob) >= LEAST_WORK]
-    due = dependencies.in_order(ob for ob in worth if not _waits(ob))
-    return rigs.moving(list(dict.fromkeys((*due, *worth))))
+    return [ob for ob in found if _work(ob) >= LEAST_WORK]
 
 
 def needs_a_mesh(ob: Any) -> bool:
