@@ -257,7 +257,7 @@ def test_a_driver_that_is_given_the_key_itself_leaves_the_mesh_to_blender(fresh_
     reason = addon_module("run.characters").character(ob).way.reason
     assert reason == (
         'The driver of Value of the shape key "Wide" of the shape keys Key runs Python with the data itself (self), '
-        "which it may change what Sinew has read: write it without"
+        "through which it may change what Sinew has read: write it without"
     )
 
 

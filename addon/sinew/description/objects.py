@@ -128,7 +128,9 @@ def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
         if not rna_paths.moves_object(path):
             continue
         if path not in (*_CHANNELS, *_DELTAS):
-            raise curves.Refused(f"{rna_paths.spoken(path)} of {ob.name} is keyed, which is not covered")
+            raise curves.Refused(
+                f"{rna_paths.spoken(path)} of {ob.name} is keyed, which is not covered: remove those keyframes"
+            )
         row["path"] = f"{_start_of(ob)}.{path}"
         yield curves.animated(row, curve)
 

@@ -8,7 +8,7 @@ import bpy
 LETTER = 6.0  # assumed width of a letter in pixels, at 100 % interface scale
 MARGIN = 80  # pixels of a panel's width that are not available for text: icon, borders
 # The words of ours with which clauses begin; others are names.
-OPENINGS = {"an", "bones", "frame", "it", "keyframes", "on", "something", "the", "what"}
+OPENINGS = {"an", "bones", "curves", "frame", "it", "keyframes", "on", "something", "the", "what"}
 _said: set[str] = set()  # the sentences already shown for the open file
 
 

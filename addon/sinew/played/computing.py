@@ -257,7 +257,9 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
     try:
         old, new = changes.tempo_of(scene)
         if old != new:
-            raise curves.Refused(f"{scene.name} maps its frames to other times")
+            raise curves.Refused(
+                f"{scene.name} maps its frames to other times: set Old and New of its Time Stretching alike"
+            )
         read = reading.read(rig.ob, graph, keyed, _seen(rig, graph))
         leaders = leading.leaders_of(rig.ob, read.targets, read.outside, graph)
         program = sinew_native.RigProgram(read.description, keep_description=False)
