@@ -133,7 +133,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     for rig in rigs.known():
         draw_rig(layout, context, rig)
     if rigs.known():
-        layout.label(text=f"{rigs.used_memory() / 2**20:,.0f} MB recorded", icon="INFO")
+        layout.label(text=f"{rigs.used_memory() / 2**20:,.0f} MB in memory", icon="INFO")
 
 
 def draw_rig(layout: bpy.types.UILayout, context: bpy.types.Context, rig: Any) -> None:
