@@ -19,6 +19,8 @@ MOST_ACTS = 5
 
 
 def steps():
+    if not addon_module("description.reading").CAN_READ:
+        return print("window: rigs are Blender's before 4.2")
     for each in list(bpy.data.objects):
         bpy.data.objects.remove(each)
     body, rig = character()
