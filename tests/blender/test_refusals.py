@@ -478,6 +478,9 @@ def test_the_driver_that_a_sentence_names_is_found(fresh_scene, kind):
     from characters import make_armature, make_mesh
 
     armature = make_armature()
+    collection = bpy.data.collections.new("Character")
+    fresh_scene.collection.children.link(collection)
+    collection.objects.link(armature)
     bone = armature.pose.bones["bone1"]
     others = [driven(bone, "location", 0), driven(armature, "location", 0)]
     if kind == "bone":

@@ -78,7 +78,8 @@ def _blocks_around(ob: Any) -> list[Any]:
     users = dependencies.Users.now()
     found = _with_data([ob, *armatures.of_modifiers(ob)])
     near = [each for block in found for each in (*users.get(block, ()), *users.uses.get(block, ()))]
-    return list(dict.fromkeys([*found, *_with_data(near)]))
+    every = dict.fromkeys([*found, *_with_data(near)])
+    return [each for each in every if hasattr(each, "animation_data")]  # collections have none
 
 
 def _with_data(blocks: Iterable[Any]) -> list[Any]:
