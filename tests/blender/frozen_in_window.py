@@ -134,7 +134,7 @@ def steps():
 
 
 def panel_open():
-    for name, panel in (("ui.played_rigs", "SidebarFrozen"), ("ui.onion_skins", "SidebarOnionSkins")):
+    for name, panel in (("ui.played_rigs", "SidebarRigs"), ("ui.onion_skins", "SidebarOnionSkins")):
         cls = getattr(addon_module(name), panel)
         cls.bl_options = set()
         bpy.utils.unregister_class(cls)

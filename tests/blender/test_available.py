@@ -16,6 +16,7 @@ ALWAYS = {
     "object.sinew_accelerate_again",
     "object.sinew_report_rig",
     "object.sinew_select_bone",
+    "object.sinew_show_driver",
     "wm.sinew_manual",
     "wm.sinew_take_flag_down",
 }
@@ -137,5 +138,5 @@ def test_while_the_animation_plays(fresh_scene, monkeypatch):
         class screen:
             is_animation_playing = True
 
-    for name, cls in (("bake", "Bake"), ("played_rigs", "Freeze"), ("to_bones", "BakeToBones")):
+    for name, cls in (("bake", "Bake"), ("played_rigs", "Record"), ("to_bones", "BakeToBones")):
         assert getattr(addon_module(f"ui.{name}"), cls).why_not(Playing) == "Stop the animation first"

@@ -553,7 +553,7 @@ def test_an_unknown_layout_is_refused_in_a_sentence_and_all_else_works(cast, mon
     try:
         freezing().freeze([cast.rig], cast.scene, layer())
         assert not cast.rig.is_frozen
-        assert "(AnimData has no nla_tracks), so characters cannot be frozen" in cast.rig.reason
+        assert "(AnimData has no nla_tracks), so no rig is native or recorded" in cast.rig.reason
         assert contract.trouble() == ""
         assert is_deforming(cast.frozen[1])
         cast.play()

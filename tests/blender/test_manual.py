@@ -57,7 +57,7 @@ def all_operators():
         cls
         for name in (
             "rig_files",
-            "rig_line",
+            "rig_cures",
             "operators",
             "bake",
             "to_bones",

@@ -78,10 +78,10 @@ def look(zoo, monkeypatch, structs):
     own = host("contract").lost(structs)
     lost = set(host("features").lost_with(own))
     wrong = []
-    if lost != {"Frozen characters"}:
+    if lost != {"Native and recorded rigs"}:
         wrong = zoo.play() + zoo.differences(lost)
     was_frozen, more = zoo.freeze()
-    if was_frozen == ("Frozen characters" in lost):
+    if was_frozen == ("Native and recorded rigs" in lost):
         wrong.append(f"a character could {'' if was_frozen else 'not '}be frozen")
     return wrong + more, own
 
@@ -129,7 +129,7 @@ def test_the_panel_and_the_command_line_say_it(zoo, monkeypatch, tmp_path, sinew
     assert len(told) == 1
     assert f"Blender {bpy.app.version_string} keeps its data in another way" in told[0]
     assert "(bPoseChannel has no runtime), so B-bones are read segment by segment" in told[0]
-    assert "; characters cannot be frozen: look for a newer Sinew" in told[0]
+    assert "; no rig is native or recorded: look for a newer Sinew" in told[0]
     plain = zoo.animals["plain"].ob
     assert told[0] in [advice.text for advice in addon_module("ui.advice").warnings(plain)]
     path = str(tmp_path / "zoo.blend")
@@ -285,14 +285,20 @@ MEANINGS = {
         constant("places", "_matrix_at", lambda address: [0.0] * 16),
         {"Fast path of armatures"},
     ),
-    "the number of users is not where it was": (elsewhere("copies", "ID", "us"), {"Frozen characters"}),
-    "poses are not where they were": (elsewhere("poses", "bPoseChannel", "pose_head", "offset"), {"Frozen characters"}),
+    "the number of users is not where it was": (elsewhere("copies", "ID", "us"), {"Native and recorded rigs"}),
+    "poses are not where they were": (
+        elsewhere("poses", "bPoseChannel", "pose_head", "offset"),
+        {"Native and recorded rigs"},
+    ),
     "the segments of poses are not where they were": (
         constant("poses", "SIZES", {"Mat4": 60, "DualQuat": 100}),
-        {"Frozen characters"},
+        {"Native and recorded rigs"},
     ),
-    "actions are not where they were": (elsewhere("relations", "AnimData", "*action"), {"Frozen characters"}),
-    "drivers have other types": (constant("relations", "_TYPES", {"SUM": 5, "SCRIPTED": 1}), {"Frozen characters"}),
+    "actions are not where they were": (elsewhere("relations", "AnimData", "*action"), {"Native and recorded rigs"}),
+    "drivers have other types": (
+        constant("relations", "_TYPES", {"SUM": 5, "SCRIPTED": 1}),
+        {"Native and recorded rigs"},
+    ),
 }
 
 
@@ -320,7 +326,7 @@ def with_another_meaning(zoo, difference, expected):
     if set(own) != expected or len(own) == 1 and list(own.values()) != [[difference]]:
         wrong.append(f"what is lost is {own}")
     lost = set(features.lost_with(own))
-    if was_frozen == ("Frozen characters" in lost):
+    if was_frozen == ("Native and recorded rigs" in lost):
         wrong.append(f"a character could {'' if was_frozen else 'not '}be frozen")
     if not any(difference in each and bpy.app.version_string in each for each in contract.sentences()):
         wrong.append(f"nobody says it: {contract.sentences()}")
@@ -333,7 +339,7 @@ def test_keyframes_elsewhere_are_not_believed(zoo, monkeypatch):
     curves = addon_module("blender.animation").keyed_curves(zoo.frozen)
     with pytest.raises(host("contract").Broken, match="keyframes are not where they were"):
         host("keyframes").read(list(curves))
-    assert set(host("contract")._look().lost) == {"Frozen characters"}
+    assert set(host("contract")._look().lost) == {"Native and recorded rigs"}
 
 
 @pytest.mark.parametrize(
@@ -364,7 +370,7 @@ def test_variables_elsewhere_are_not_believed(zoo, monkeypatch, name, by):
     elsewhere("variables", "DriverTarget", name, "offset", by)(monkeypatch)
     wanted = zoo.frozen, "", target.bone_target, "SCALE_X", "LOCAL_SPACE", "SWING_TWIST_Y"
     assert host("variables").read([curve]) == [[("var", "TRANSFORMS", [wanted])]]
-    assert set(host("contract")._look().lost) == {"Drivers of computed rigs"}
+    assert set(host("contract")._look().lost) == {"Drivers of native rigs"}
 
 
 def test_a_character_that_is_frozen_is_thawed_if_that_is_lost(zoo):
@@ -373,7 +379,7 @@ def test_a_character_that_is_frozen_is_thawed_if_that_is_lost(zoo):
     assert zoo.play() == []
     freezing.freeze([zoo.rig], zoo.scene, bpy.context.view_layer)
     assert zoo.rig.is_frozen and zoo.play() == [] and zoo.rig.is_frozen
-    contract.distrust("Frozen characters", "something is not where it was")
+    contract.distrust("Native and recorded rigs", "something is not where it was")
     assert zoo.play() == [] and not zoo.rig.is_frozen
 
 

@@ -256,8 +256,8 @@ def test_a_driver_that_is_given_the_key_itself_leaves_the_mesh_to_blender(fresh_
     assert way(ob) == "BLENDER"
     reason = addon_module("run.characters").character(ob).way.reason
     assert reason == (
-        'The driver of key_blocks["Wide"].value of the shape keys Key runs Python with the data itself (self), through '
-        "which it may change what Sinew has read: write it without"
+        'The driver of Value of the shape key "Wide" of the shape keys Key runs Python with the data itself (self), '
+        "through which it may change what Sinew has read: write it without"
     )
 
 

@@ -394,7 +394,11 @@ def test_modifiers_of_curves(armature, first):
     [
         ("NOISE", {}, "the modifier Noise of the curve of .* is not covered"),
         ("CYCLES", {"use_influence": True}, "the modifier Cycles of the curve of .* has a frame range or an influence"),
-        ("STEPPED", {"use_restricted_range": True}, "the modifier Stepped of the curve of .* has a frame range"),
+        (
+            "STEPPED",
+            {"use_restricted_range": True},
+            "the modifier Stepped Interpolation of the curve of .* has a frame range",
+        ),
     ],
 )
 def test_modifiers_that_are_refused(armature, kind, change, clause):

@@ -335,7 +335,7 @@ def test_what_it_follows_cannot_be_computed(led):
     for (leader,) in led.leaders:
         leader.pose.ik_solver = "ITASC"
     wait(led)
-    assert not led.rig.is_frozen and "follows bones of Rig.002, which is not computed" in led.rig.reason
+    assert not led.rig.is_frozen and "follows bones of Rig.002, which is not native" in led.rig.reason
     led.play()
 
 

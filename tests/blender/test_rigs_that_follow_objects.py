@@ -455,7 +455,7 @@ def with_strips(cast):
     data = cast.ball.animation_data
     data.nla_tracks.new().strips.new("strip", 1, data.action)
     data.action = None
-    return "Ball is animated by strips of the NLA"
+    return "Ball is animated by NLA strips"
 
 
 def with_mode(cast):

@@ -49,11 +49,12 @@ def thaw_the_other(cast):
 def freeze_the_other(cast):
     select(cast.live[0])
     with pytest.raises(RuntimeError, match="Rig.001 waits until Blender has rendered or baked"):
-        bpy.ops.object.sinew_freeze()
+        bpy.ops.object.sinew_record()
 
 
 def record(cast):
-    bpy.ops.object.sinew_record()
+    with pytest.raises(RuntimeError, match="waits until Blender has rendered or baked"):
+        bpy.ops.object.sinew_record()
 
 
 def measure(cast):

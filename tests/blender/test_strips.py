@@ -100,7 +100,7 @@ def strips_of_data(ob):
     bone = ob.data.bones["a"]
     bone.keyframe_insert("bbone_curveinx", frame=1)
     push_down(ob.data)
-    return "Rig is animated by strips of the NLA"
+    return "Rig is animated by NLA strips"
 
 
 @pytest.mark.parametrize("prepare", (key_place, add_modifier, tweak, end_below, strips_of_data))

@@ -649,7 +649,10 @@ def under_a_lattice(ob):
         (lone_basis, "Tube has no armature, shape keys or smoothing that Sinew could take over: add one of them"),
         (lambda ob: ob.modifiers.new("Mirror", "MIRROR"), "Mirror comes first, and Sinew cannot evaluate"),
         (driven_smoothing, "Corrective comes first, and its factor is driven"),
-        (under_a_lattice, "Tube is deformed by its parent Cage directly, before any modifier"),
+        (
+            under_a_lattice,
+            "Tube is deformed by its parent Cage directly, before any modifier: set the parent type to Object",
+        ),
     ],
     ids=("nothing", "basis", "mirror", "driver", "lattice"),
 )

@@ -52,6 +52,7 @@ PURE = {
     "bake.verify",
     "blender.materials",
     "blender.modifier_types",
+    "blender.spoken_paths",
     "cli.command_options",
     "cli.option_types",
     "cli.rig_options",

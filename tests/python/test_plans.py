@@ -105,7 +105,7 @@ def left(reason, given):
             before=(modifier("WEIGHTED_NORMAL", "Normals", keeps_shape=True),), keys=keys()
         )),
         left("deformed by its parent Rig directly", lambda: bound(deforming_parent="Rig")),
-        left("invert_vertex_group of Armature is driven, and it is too hard", lambda: bound(
+        left("invert vertex group of Armature is driven, and it is too hard", lambda: bound(
             armature={"driven": (driven("invert_vertex_group", trouble="it is too hard"),)}
         )),
         left("Vertex Groups of Armature is animated", lambda: bound(
@@ -320,7 +320,7 @@ def test_switches_of_mixed_armatures_are_followed():
     )
     too_hard = {"driven": (driven("invert_vertex_group", trouble="it is too hard"),)}
     assert runs.of(bound(armature("Face", **too_hard))).reason == (
-        "its invert_vertex_group is driven, and it is too hard"
+        "its invert vertex group is driven, and it is too hard"
     )
 
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-SOURCE = Path(__file__).parents[2] / "addon" / "sinew" / "description" / "rna_paths.py"
-spec = importlib.util.spec_from_file_location("rna_paths", SOURCE)
-rna_paths = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(rna_paths)
+SOURCE = Path(__file__).parents[2] / "addon" / "sinew" / "blender" / "spoken_paths.py"
+spec = importlib.util.spec_from_file_location("spoken_paths", SOURCE)
+spoken_paths = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(spoken_paths)
 
 
 @pytest.mark.parametrize(
@@ -29,4 +29,12 @@ spec.loader.exec_module(rna_paths)
     ],
 )
 def test_spoken(path, text):
-    assert rna_paths.spoken(path) == text
+    assert spoken_paths.spoken(path) == text
+
+
+def test_paths_in_a_sentence_are_spoken():
+    text = 'the driver of pose.bones["hip"].constraints["IK"].influence reads pose.bones["a b"]["roll"], which is odd'
+    assert spoken_paths.in_words(text) == (
+        'the driver of Influence of the constraint "IK" of the bone "hip" reads the property "roll" of the bone "a b", '
+        "which is odd"
+    )

@@ -126,9 +126,18 @@ def sets_nothing(block: bpy.types.ID, curve: bpy.types.FCurve) -> bool:
     return curve.array_index >= count_at(block, curve.data_path)
 
 
-def unkeyed_path(block: bpy.types.ID, time: float) -> str:
+ROUNDING = 4 * float(np.finfo(np.float32).eps)  # by which a drag may miss a key: auto-keying inserts none for it
+
+
+def is_near(value: float, keyed: float, rounding: float = ROUNDING) -> bool:
+    """Whether a number is the one that keyframes set, up to rounding. rounding: of numbers up to 1; of larger ones in
+    proportion; 0: none."""
+    return value == keyed or abs(value - keyed) <= rounding * max(1.0, abs(value), abs(keyed))
+
+
+def unkeyed_path(block: bpy.types.ID, time: float, rounding: float = ROUNDING) -> str:
     """Returns the path of a property that is not as the keyframes of a data-block's own action set it, "" if there is
-    none or NLA strips mix."""
+    none or NLA strips mix. rounding: as for is_near."""
     data = block.animation_data
     if data is None or plays_strips(data):
         return ""
@@ -139,8 +148,9 @@ def unkeyed_path(block: bpy.types.ID, time: float) -> str:
         value = block.path_resolve(curve.data_path)
         value = value[curve.array_index] if hasattr(value, "__len__") and not isinstance(value, str) else value
         keyed = _within_limits(block, curve.data_path, curve.evaluate(time))
-        off = 0.0 if isinstance(value, float) else 0.999  # Blender rounds whole numbers
-        if isinstance(value, (int, float)) and abs(value - keyed) > off:
+        if isinstance(value, float) and not is_near(value, keyed, rounding):
+            return curve.data_path
+        if isinstance(value, int) and abs(value - keyed) > 0.999:  # Blender rounds whole numbers
             return curve.data_path
     return ""
 

@@ -18,6 +18,12 @@ def key_of(id_block: bpy.types.ID) -> int:
     return getattr(original, "session_uid", None) or original.as_pointer()
 
 
+def choice_name(owner: Any, name: str) -> str:
+    """Returns what Blender's interface calls the present choice of a property, such as "Follow Path" for a type."""
+    choice = owner.bl_rna.properties[name].enum_items.get(getattr(owner, name))
+    return choice.name if choice is not None else str(getattr(owner, name))
+
+
 def matrix_to_numpy(matrix: Any) -> np.ndarray:
     """Returns a matrix as float64."""
     return np.array(matrix, dtype=np.float64)

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import animation
+from ..blender import animation, values
 from ..host import contract, features, keyframes
 from . import rna_paths, tables
 
@@ -102,7 +102,9 @@ def modifiers_of(curve: bpy.types.FCurve) -> list[dict[str, Any]]:
 
 def modifier_of(curve: bpy.types.FCurve, modifier: bpy.types.FModifier) -> dict[str, Any]:
     def refused(why: str) -> Refused:
-        where = f"the modifier {modifier.type.capitalize()} of the curve of {rna_paths.spoken(curve.data_path)}"
+        where = (
+            f"the modifier {values.choice_name(modifier, 'type')} of the curve of {rna_paths.spoken(curve.data_path)}"
+        )
         return Refused(f"{where} {why}")
 
     if modifier.type not in _SETTINGS:
@@ -137,7 +139,7 @@ def curves_in_effect(block: bpy.types.ID) -> list[bpy.types.FCurve]:
     if data is None:
         return []
     if animation.plays_strips(data):
-        raise Refused(f"{block.name} is animated by strips of the NLA: bake them into one action")
+        raise Refused(f"{block.name} is animated by NLA strips: bake them into one action")
     if data.action is None:
         return []
     return that_set_anything(block, of_slot(data.action, getattr(data, "action_slot_handle", 0)))

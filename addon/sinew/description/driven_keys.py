@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from . import curves, driver_rows, targets
+from . import curves, driver_rows, rna_paths, targets
 
 Keyed = tuple[bpy.types.Key, tuple[int, ...]]  # numbers of its keys
 
@@ -26,8 +26,10 @@ def rows_of(
         curve = keys.animation_data.drivers.find(key.path_from_id("value"))
         try:
             if curve is None or curve.mute or not curve.is_valid or not curve.driver.is_valid:
-                raise curves.Refused("it is muted or not valid")
+                raise curves.Refused("it is muted or not valid: mend or delete it")
             driver = driver_rows.driver_elsewhere(path, 0, curve, found, outside)
             yield {"path": path, "type": "FLOAT", **limits, "value": [key.value]}, driver
         except curves.Refused as reason:
-            found.refused.append(f"the driver of the shape key {key.name} of {keys.name}: {reason}")
+            found.refused.append(
+                f"the driver of {rna_paths.spoken(key.path_from_id('value'))} of {keys.name}: {reason}"
+            )

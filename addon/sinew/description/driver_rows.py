@@ -141,7 +141,9 @@ def driver_of(
     del row["path"]
     if driver.type == "SCRIPTED":
         if not driver.is_simple_expression:  # "Use Self" has no part in one
-            raise curves.Refused(f'"{driver.expression}" is not one of Blender\'s simple expressions')
+            raise curves.Refused(
+                f'"{driver.expression}" is not one of Blender\'s simple expressions: write it without Python'
+            )
         result["expression"] = driver.expression
     return result
 
@@ -173,7 +175,8 @@ def variable_of(
     name: str, kind: str, read: list[variables.Target], found: targets.Targets, outside: Outside
 ) -> dict[str, Any]:
     if kind not in VARIABLES:
-        raise curves.Refused(f"variables of the type {kind} are not covered")
+        kinds = bpy.types.DriverVariable.bl_rna.properties["type"].enum_items
+        raise curves.Refused(f"variables of the type {kinds[kind].name} are not covered: use another type")
     row: dict[str, Any] = {"name": name, "type": kind}
     if kind == "SINGLE_PROP":
         block, stored, *_rest = read[0]
@@ -182,12 +185,14 @@ def variable_of(
             if (switch := rna_paths.SWITCH.search(path)) and path not in found.switches:
                 others = (path.removesuffix(switch[2]) + each for each in rna_paths.SWITCHES)
                 if not found.switches.isdisjoint(others):
-                    raise curves.Refused(f"its variable {name} reads {path}, of which the contrary is animated")
+                    raise curves.Refused(
+                        f"its variable {name} reads {rna_paths.spoken(path)}, of which the contrary is animated"
+                    )
             row["path"] = path
         elif block == found.ob.data:
             row["path"] = "data." + path
         elif block is None:
-            raise curves.Refused(f"its variable {name} reads nothing")
+            raise curves.Refused(f"its variable {name} reads nothing: choose what it reads")
         else:
             row |= outside.row_of(block, stored, found)
         return row

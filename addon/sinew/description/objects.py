@@ -109,15 +109,15 @@ def _keyed(ob: bpy.types.Object) -> list[dict[str, Any]]:
 def _check(ob: bpy.types.Object) -> None:
     """Raises Refused if anything but keyframes and parents may say where an object is."""
     if dependencies.constraints_of(ob):
-        raise curves.Refused(f"{ob.name} has constraints")
+        raise curves.Refused(f"{ob.name} has constraints: bake them into keyframes")
     if ob.rigid_body is not None:
-        raise curves.Refused(f"{ob.name} is simulated")
+        raise curves.Refused(f"{ob.name} is simulated: bake that into keyframes")
     if ob.parent is not None and (ob.parent_type != "OBJECT" or ob.parent.type == "CURVE"):
-        raise curves.Refused(f"{ob.name} is a child of a part of {ob.parent.name}")
+        raise curves.Refused(f"{ob.name} is a child of a part of {ob.parent.name}: parent it to the object")
     own = (each for each in animation.drivers_of(ob) if rna_paths.moves_object(each.data_path))
     driven = next((each for each in own if not animation.sets_nothing(ob, each)), None)
     if driven is not None:
-        raise curves.Refused(f"{rna_paths.spoken(driven.data_path)} of {ob.name} has a driver")
+        raise curves.Refused(f"{rna_paths.spoken(driven.data_path)} of {ob.name} has a driver: bake it into keyframes")
 
 
 def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
@@ -128,7 +128,9 @@ def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
         if not rna_paths.moves_object(path):
             continue
         if path not in (*_CHANNELS, *_DELTAS):
-            raise curves.Refused(f"{rna_paths.spoken(path)} of {ob.name} is keyed")
+            raise curves.Refused(
+                f"{rna_paths.spoken(path)} of {ob.name} is keyed, which is not covered: remove those keyframes"
+            )
         row["path"] = f"{_start_of(ob)}.{path}"
         yield curves.animated(row, curve)
 

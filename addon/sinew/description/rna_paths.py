@@ -3,7 +3,9 @@
 import re
 from functools import lru_cache
 
-NAME = r'\["((?:[^"\\]|\\.)*)"\]'  # escaped
+from ..blender.spoken_paths import NAME, spoken
+
+__all__ = ["NAME", "spoken"]
 BONE = re.compile(rf"^(?:pose|data)\.bones{NAME}")
 
 SWITCHES = "mute", "enabled"  # of a constraint: the same bit, and its contrary
@@ -43,37 +45,3 @@ def normalised(path: str) -> str:
     if "'" in path:
         path = path.replace("['", '["').replace("']", '"]')
     return path.replace('.["', '["') if '.["' in path else path
-
-
-_OWNERS = (("bones", "bone"), ("constraints", "constraint"), ("modifiers", "modifier"), ("key_blocks", "shape key"))
-_OF_OWNER = [(re.compile(rf"^(?:pose\.|data\.)?{many}{NAME}\.?"), one) for many, one in _OWNERS]
-_CUSTOM = re.compile(rf"^{NAME}$")
-
-
-def spoken(path: str) -> str:
-    """Returns what people call a property, to stand within a sentence: `pose.bones["hip"].constraints["IK"].influence`
-    is `Influence of the constraint "IK" of the bone "hip"`."""
-    rest = path
-    owners: list[str] = []
-    while (owner := next(filter(None, (_match(each, rest) for each in _OF_OWNER)), None)) is not None:
-        text, end = owner
-        owners.insert(0, text)
-        rest = rest[end:]
-    custom = _CUSTOM.match(rest)
-    if custom:
-        what = f'the property "{_unescaped(custom[1])}"'
-    elif re.fullmatch(r"(data\.)?\w+", rest):
-        what = rest.removeprefix("data.").replace("_", " ").title()
-    else:
-        return path
-    return " ".join((what, *owners))
-
-
-def _match(of_owner: tuple[re.Pattern[str], str], path: str) -> tuple[str, int] | None:
-    pattern, kind = of_owner
-    found = pattern.match(path)
-    return (f'of the {kind} "{_unescaped(found[1])}"', found.end()) if found else None
-
-
-def _unescaped(name: str) -> str:
-    return re.sub(r"\\(.)", r"\1", name)

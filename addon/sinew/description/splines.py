@@ -39,7 +39,7 @@ def check(ob: bpy.types.Object | None) -> None:
             continue
         keyed = next((each for each in curves.curves_in_effect(block) if each.data_path.startswith(part)), None)
         if keyed is not None:
-            raise curves.Refused(f"{rna_paths.spoken(keyed.data_path)} of {what} is keyed")
+            raise curves.Refused(f"{rna_paths.spoken(keyed.data_path)} of {what} is keyed, which is not covered")
         for driver in animation.drivers_of(block):
             if driver.data_path.startswith(part) and (block is ob or not _KNOWN.fullmatch(driver.data_path)):
                 raise curves.Refused(

@@ -126,7 +126,7 @@ def _curves_of(strip: bpy.types.NlaStrip, name: str) -> Iterator[dict[str, Any]]
         (row,) = curves.rows_of([curve])
         curves.complete(row, curve)
         if not len(row["keys"]):
-            raise curves.Refused(f"{name} of the NLA strip {strip.name} follows a curve without keys")
+            raise curves.Refused(f"the NLA strip {strip.name} has a setting whose curve has no keys: key it")
         del row["path"], row["index"]
         yield row
 

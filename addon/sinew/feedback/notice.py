@@ -7,22 +7,30 @@ import bpy
 
 LETTER = 6.0  # assumed width of a letter in pixels, at 100 % interface scale
 MARGIN = 80  # pixels of a panel's width that are not available for text: icon, borders
+# The words of ours with which clauses begin; others are names.
+OPENINGS = {"an", "bones", "curves", "frame", "it", "keyframes", "on", "something", "the", "what"}
 _said: set[str] = set()  # the sentences already shown for the open file
 
 
 def draw_sentence(
     layout: bpy.types.UILayout, context: bpy.types.Context, sentence: str, is_error: bool, width: float = 0
 ) -> None:
-    """Draws a sentence, wrapped to a width in pixels at 100 % interface scale; 0: to the width of the region."""
+    """Draws a clause as a sentence, wrapped to a width in pixels at 100 % interface scale; 0: to the width of the
+    region."""
     column = layout.column(align=True)
     column.alert = is_error
     if not width and context.region:
         width = context.region.width / context.preferences.system.ui_scale
     icon = "ERROR" if is_error else "INFO"
     width = width or 1000  # without a window there is no region
-    for line in textwrap.wrap(sentence, max(int((width - MARGIN) / LETTER), 15)):
+    for line in textwrap.wrap(as_sentence(sentence), max(int((width - MARGIN) / LETTER), 15)):
         column.label(text=line, icon=icon)
         icon = "BLANK1"
+
+
+def as_sentence(clause: str) -> str:
+    """Returns a clause as a sentence for people. A name of the user's with which it begins stays as it is."""
+    return clause[0].upper() + clause[1:] if clause.partition(" ")[0] in OPENINGS else clause
 
 
 def show(sentence: str) -> None:

@@ -48,11 +48,11 @@ FAST_STRIPS = "Fast path of data with NLA strips"
 FAST_TWEAKS = "Fast path while a strip is tweaked"
 FAST_CORRECTIVE = "Fast path of Corrective Smooth"
 FAST_SMOOTH = "Fast path of Smooth"
-FREEZING = "Frozen characters"
-CONSTRAINTS = "Animated constraints of computed rigs"
-POSED = "Edits of computed rigs"
+FREEZING = "Native and recorded rigs"
+CONSTRAINTS = "Animated constraints of native rigs"
+POSED = "Edits of native rigs"
 NUMBERS = "Numbers of bones"
-VARIABLES = "Drivers of computed rigs"
+VARIABLES = "Drivers of native rigs"
 FOLLOWING = "Rigs that follow objects with keyframes"
 
 _FULL = "take more steps on each frame"
@@ -160,7 +160,7 @@ FEATURES = {
     ),
     FAST_SMOOTH: Feature("the settings of Smooth are read on each frame", "SmoothModifierData", (FAST,)),
     FREEZING: Feature(
-        "characters cannot be frozen",
+        "no rig is native or recorded",
         "ID.us AnimData.*action AnimData.nla_tracks ListBase ChannelDriver.expression ChannelDriver.*expr_simple "
         "ChannelDriver.type bPoseChannel_Runtime BezTriple FCurve.flag FCurve.*bezt FCurve.*fpt "
         "FCurve.totvert FCurve.extend FCurve.array_index FCurve.*rna_path FCurve.modifiers "
@@ -169,33 +169,33 @@ FEATURES = {
         "the number of users, actions, drivers, poses, the segments of a B-bone, keyframes",
     ),
     CONSTRAINTS: Feature(
-        "a computed rig whose constraints' influence or mute is keyed is live while it is selected; what is driven of "
-        "them shows only when it is live",
+        "a native rig whose constraints' influence or mute is keyed is Blender's while it is selected; what is driven "
+        "of them shows only then",
         "bConstraint.enforce bConstraint.flag",
         (FREEZING,),
         "the influence and mute of a constraint",
     ),
     POSED: Feature(
-        "after each edit of its pose or its keyframes, all of a computed rig is read again, which takes longer",
+        "after each edit of its pose or its keyframes, all of a native rig is read again, which takes longer",
         "bPoseChannel.*next bPoseChannel.constraints bConstraint bArmatureConstraint bConstraintTarget ListBase.*first "
         "Bone.*bbone_prev Bone.*bbone_next " + " ".join(members.CONSTRAINTS.values()),
         (EDITIONS, DRIVERS, FREEZING),
         "where a bone's constraints are, and the type of the first",
     ),
     NUMBERS: Feature(
-        "the numbers of the bones of computed rigs are read one property after the other, which takes longer",
+        "the numbers of the bones of native rigs are read one property after the other, which takes longer",
         "bPoseChannel.*next bPoseChannel.*parent bPoseChannel.*prop bPoseChannel.constraints Bone ListBase.*first "
         + " ".join(f"bPoseChannel.{name}" for name in (*members.CHANNELS, *members.LIMITS)),
         compared="the numbers of the last bone; of all, parents, and where constraints and custom properties may be",
     ),
     VARIABLES: Feature(
-        "the variables of the drivers of computed rigs are read one property after the other, which takes longer",
+        "the variables of the drivers of native rigs are read one property after the other, which takes longer",
         "FCurve.*driver ListBase.*first ChannelDriver.variables DriverVar.*next DriverVar.name DriverVar.type "
         "DriverVar.targets DriverTarget",
         compared="the variables of all drivers",
     ),
     FOLLOWING: Feature(
-        "a rig that follows objects with keyframes is live",
+        "a rig that follows objects with keyframes stays Blender's",
         "bConstraint DriverVar.num_targets DriverTarget.*id " + " ".join(members.CONSTRAINTS.values()),
         (FREEZING,),
         "the objects that a constraint follows, and how many a variable of a driver reads",

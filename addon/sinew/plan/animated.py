@@ -8,7 +8,7 @@ import re
 import threading
 from typing import Any, NamedTuple
 
-from ..blender import animation
+from ..blender import animation, spoken_paths
 from ..host import actions, driver_bytes, marks
 from . import driver_variables, drivers, wiring
 
@@ -130,7 +130,7 @@ def _sentence(curve: Any, block: Any, kind: str, how: str, advice: str) -> str:
 
 
 def _name(curve: Any, block: Any, kind: str) -> str:
-    return f"{curve.data_path} of {TITLES[kind]} {block.name}"
+    return f"{spoken_paths.spoken(curve.data_path)} of {TITLES[kind]} {block.name}"
 
 
 def _runs_python(driver: Any) -> bool:

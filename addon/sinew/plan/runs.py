@@ -201,5 +201,5 @@ def why_not_driven(modifier: Modifier, setting: str) -> str:
     """Returns why Sinew cannot follow a driver of a modifier's setting, or "". setting: how to name it, with {}."""
     for each in modifier.driven:
         if each.trouble:
-            return f"{setting.format(each.name)} is driven, and {each.trouble}"
+            return f"{setting.format(each.name.replace('_', ' '))} is driven, and {each.trouble}"
     return ""

@@ -92,7 +92,10 @@ def whatever_its_size(situation: Situation) -> Way:
         return Way(BLENDER, reason)
     if situation.weights_follow_shape:
         what = "Its shape keys move vertices" if situation.keys else "Mesh and armature move against each other"
-        reason = f"{what}, so the weights from envelopes or curved B-bones change on each frame"
+        reason = (
+            f"{what}, so the weights from envelopes or curved B-bones change on each frame: turn its bone envelopes "
+            "off, and map its B-bones straight"
+        )
         return Way(BLENDER, reason, is_of_bones=True)
     reason = situation.attribute_trouble if situation.keys is None else situation.key_trouble
     if reason:
@@ -200,7 +203,11 @@ def why_idle(situation: Situation) -> str:
 def _why_by_parent(situation: Situation) -> str:
     """Returns why the parent prevents Sinew from deforming the mesh, a sentence without its subject, or ""."""
     parent = situation.deforming_parent
-    return f"is deformed by its parent {parent} directly, before any modifier" if parent else ""
+    return (
+        f"is deformed by its parent {parent} directly, before any modifier: set the parent type to Object"
+        if parent
+        else ""
+    )
 
 
 def _through_attribute(situation: Situation) -> Way:

@@ -118,7 +118,7 @@ def compare_more(scene: Any, layer: Any) -> bool:
 def _why_not_compared(rig: rigs.Rig, scene: Any) -> str:
     """Returns why a rig cannot be compared with Blender on any frame, as a sentence."""
     name = elsewhere.edited(dependencies.chain(rig.ob), scene)
-    return f"{name}, on which {rig.name} depends, has changes that are not keyed" if name else ""
+    return f"{name}, on which {rig.name} depends, has changes that are not keyed: key them" if name else ""
 
 
 def _note(rig: rigs.Rig, has_succeeded: bool, number: int) -> None:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ..blender import animation
+from ..blender import animation, spoken_paths
 from ..description import curves, driven_keys, edits, objects, reading, rna_paths, strips
 from ..host import evaluations, poses
 from ..native import sinew_native
@@ -52,21 +52,26 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     if rig.source.is_proven:  # something has changed that was not noticed
         changes.drop_all(rig)
     elif not (
-        rigs.is_hidden(rig, graph) or unkeyed_path(rig, scene.frame_current_final) or followers.unkeyed(rig.ob, scene)
+        rigs.is_hidden(rig, graph)
+        or unkeyed_path(rig, scene.frame_current_final, 0)
+        or followers.unkeyed(rig.ob, scene, 0)
     ):
         differences.note(rig, differences.Difference.between(rig, copy, frame))
 
 
-def unkeyed_path(rig: rigs.Rig, frame: float) -> str:
+def unkeyed_path(rig: rigs.Rig, frame: float, rounding: float = animation.ROUNDING) -> str:
     """Returns the path of a property of an armature that is not as its keyframes set it, "" if there is none or nothing
-    can tell."""
+    can tell. rounding: as for animation.is_near."""
     program = rig.source.program
     if program is None or not strips.play(rig.ob):
-        return animation.unkeyed_path(rig.ob, frame)
+        return animation.unkeyed_path(rig.ob, frame, rounding)
     names = sorted(name for name in set(program.keyed) - set(program.driven) if not objects.is_of_other(name))
     try:
         keyed = program.values(np.array([frame], np.float32), names)[0].tolist()
-        return next((name for name, value in zip(names, keyed) if float(rig.ob.path_resolve(name)) != value), "")
+        found = zip(names, keyed)
+        return next(
+            (name for name, value in found if not animation.is_near(rig.ob.path_resolve(name), value, rounding)), ""
+        )
     except ValueError:
         return ""
 
@@ -252,7 +257,9 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
     try:
         old, new = changes.tempo_of(scene)
         if old != new:
-            raise curves.Refused(f"{scene.name} maps its frames to other times")
+            raise curves.Refused(
+                f"{scene.name} maps its frames to other times: set Old and New of its Time Stretching alike"
+            )
         read = reading.read(rig.ob, graph, keyed, _seen(rig, graph))
         leaders = leading.leaders_of(rig.ob, read.targets, read.outside, graph)
         program = sinew_native.RigProgram(read.description, keep_description=False)
@@ -265,9 +272,17 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
             program, program.places(wanted), counts, tuple(own), leaders, tuple(moving), is_posable=is_posable
         )
     except ValueError as reason:
-        return Source(refusal=str(reason))
+        return Source(refusal=_in_words(str(reason)))
     _remember(rig, read, source, graph)
     return source
+
+
+def _in_words(reason: str) -> str:
+    """Returns why there is no program for people, who describe no properties."""
+    reason = spoken_paths.in_words(reason)
+    return reason.replace(
+        "which the rig does not have; remove it or describe the property", "which Sinew does not compute: remove that"
+    )
 
 
 def _asked(asked: Sequence[_Asked]) -> tuple[list[Any], Any]:

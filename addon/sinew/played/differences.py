@@ -53,7 +53,8 @@ class Difference:
             return f"on frame {self.frame:g}, channels or B-bones of {ob.name} are not those that were computed"
         row, column = divmod(int(np.abs(self.computed[bone] - self.blender[bone]).argmax()), 4)
         numbers = f"{self.computed[bone, row, column]:.9g} instead of {self.blender[bone, row, column]:.9g}"
-        return f"on frame {self.frame:g}, {ob.pose.bones[bone].name} of {ob.name} would have {numbers} in its matrix"
+        name = ob.pose.bones[bone].name
+        return f'on frame {self.frame:g}, the bone "{name}" of {ob.name} would have {numbers} in its matrix'
 
 
 def is_near(rig: rigs.Rig, copy: bpy.types.Object, time: float) -> bool:

@@ -1,4 +1,4 @@
-"""Finds all that follows an armature, or why it could not follow a frozen one."""
+"""Finds all that follows an armature, or why it could not follow one that Blender does not evaluate."""
 
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -107,7 +107,7 @@ def _of(rig: Any, users: dict[Any, set[Any]], graph: Any, outside_of: Callable[[
         elif isinstance(user, bpy.types.Camera) and not getattr(user.dof, "focus_subtarget", ""):
             continue  # it looks at the armature's place, which stays
         elif not isinstance(user, (*_LISTS, bpy.types.Library)) and _is_evaluated(user, graph):
-            raise NotFreezable(f"{user.name} uses it in a way that Sinew does not know")
+            raise NotFreezable(f"{user.name} uses it in a way that Sinew does not know: remove that")
     sorted_in = {*found.objects, rig}
     found.shaped += [ob for ob in _made_by(groups, users, graph) if ob not in sorted_in]
     meshes = {keys.user for keys, _numbers in found.keyed} - {ob.data for ob in (*found.hooked, *found.shaped)}
@@ -129,10 +129,12 @@ def _sort_simulations(found: Followers) -> None:
         if not cached:
             continue
         if ob in found.placed:
-            raise NotFreezable(f"{ob.name} hangs on bones, and what is simulated of it would begin anew on each frame")
+            raise NotFreezable(
+                f"{ob.name} hangs on bones, and its simulation would begin anew on each frame: let them deform it"
+            )
         if ob in found.shaped:
             if not any(each.show_viewport and not _is_static(each) for each in cached):
-                raise NotFreezable(f"{ob.name} has hair or a simulation that is switched off: bind it with Sinew, too")
+                raise NotFreezable(f"{ob.name} has hair or a simulation that is switched off: accelerate it, too")
             found.shaped.remove(ob)
             found.simulated.append(ob)
         found.is_simulated = True
@@ -199,7 +201,7 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any, outside_of: Callab
         found.placed.append(ob)
         is_known = True
     if not is_known:
-        raise NotFreezable(f"{ob.name} uses it in a way that Sinew does not know")
+        raise NotFreezable(f"{ob.name} uses it in a way that Sinew does not know: remove that")
 
 
 def _hangs_on(ob: Any, rig: Any) -> bool:
@@ -250,12 +252,16 @@ def moving(rig: Any, outside: Iterable[Any]) -> list[Any]:
     return not_still((each for each in outside if each.type != "ARMATURE"), rig)
 
 
-def unkeyed(rig: Any, scene: Any) -> str:
+def unkeyed(rig: Any, scene: Any, rounding: float = animation.ROUNDING) -> str:
     """Returns the name of what moves and is followed by an armature object, or of a parent of that, which is not where
-    its keyframes put it; "" if there is none."""
-    followed = dependencies.with_parents(moving(rig, dependencies.outside_of(rig)))
-    time = scene.frame_current_final
-    return next((each.name for each in followed if each != rig and animation.unkeyed_path(each, time)), "")
+    its keyframes put it; "" if there is none. rounding: as for animation.is_near."""
+    followed, time = moved_by_keys(rig), scene.frame_current_final
+    return next((each.name for each in followed if animation.unkeyed_path(each, time, rounding)), "")
+
+
+def moved_by_keys(rig: Any) -> list[Any]:
+    """Returns the objects that move and are followed by an armature object, and their parents."""
+    return [each for each in dependencies.with_parents(moving(rig, dependencies.outside_of(rig))) if each != rig]
 
 
 def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
@@ -268,20 +274,25 @@ def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
             read = {target.id for target in variable.targets}
             if read & known and read - known:
                 mixed |= dict.fromkeys(
-                    read, f"the driver of {rna_paths.spoken(curve.data_path)} reads it together with something else"
+                    read,
+                    f"the driver of {rna_paths.spoken(curve.data_path)} reads it together with something else: give it "
+                    "two variables",
                 )
     for each in followed:
         why = objects.why_not(each) or mixed.get(each, "")
         if not why and not each.visible_get(view_layer=layer) and (each.type != "CURVE" or objects.may_move(each)):
             # so that Blender might not evaluate it
-            why = f"{each.name} is hidden"
+            why = f"{each.name} is hidden: show it"
         elif not why and not contract.has(features.FOLLOWING):
             why = contract.why_not(features.FOLLOWING)
         if why:
             raise NotFreezable(f"bones of {rig.name} follow {each.name}, outside of it, which may move: {why}")
     for constraint, _targets in constraints_on(rig, followed):
         if constraint.type not in members.CONSTRAINTS:
-            raise NotFreezable(f"{constraint.name} of {rig.name} follows an object that may move")
+            raise NotFreezable(
+                f'the constraint "{constraint.name}" of {rig.name} follows an object that may move: use a '
+                "constraint of another type"
+            )
 
 
 def constraints_on(rig: Any, targets: Sequence[Any]) -> list[tuple[Any, list[Any]]]:
@@ -308,13 +319,14 @@ def check_place(rig: Any) -> None:
     own = sorted({curve.data_path for curve in others if not animation.stays(rig, curve)})
     if own:
         raise NotFreezable(
-            f"{rig.name} itself is animated ({listed(own)}), not only its bones: animate its root bone instead"
+            f"{rig.name} itself is animated ({listed(sorted({*map(rna_paths.spoken, own)}))}), not only its bones: "
+            "animate its root bone instead"
         )
     if dependencies.constraints_of(rig):
         raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
     check_parent(rig)
     if rig.rigid_body is not None:
-        raise NotFreezable(f"{rig.name} is simulated")
+        raise NotFreezable(f"{rig.name} is simulated: remove its rigid body")
 
 
 def check_parent(rig: Any) -> None:
@@ -368,7 +380,7 @@ def _add_driven(block: Any, curve: Any, name: str, rig: Any, found: Followers) -
         relations.on_each_frame(curve.driver)
     except ValueError as reason:
         raise NotFreezable(
-            f"the driver of {rna_paths.spoken(curve.data_path)} of {name} reads it, and {reason}"
+            f"the driver of {rna_paths.spoken(curve.data_path)} of {name} reads it, and {reason}: rewrite it"
         ) from None
     found.driven.append((block, curve.data_path, curve.array_index))
     for path in filter(None, _paths_read(curve, rig)):

@@ -24,6 +24,8 @@ PAUSE_AFTER_STEP, PAUSE_AFTER_COMPARING = 4, 29
 _paused_until = 0.0  # as perf_counter counts
 # In the background: whoever has changed so many frames changes more, and it pays to read the rigs.
 FRAMES_AHEAD = 24
+# How the names of operators begin with which somebody drags something.
+DRAGS = "TRANSFORM_OT_", "POSE_OT_", "GIZMOGROUP_OT_"
 FRAMES_LOOKED_AT = 3  # the last of these: a rig that somebody edits before one of them is not read
 _frames = 0  # that were changed since
 
@@ -35,7 +37,7 @@ def _guarded(function: Any, *arguments: Any) -> None:
     except contract.Broken:  # the panel says so
         freezing.melt_all()
     except Exception:
-        log.exception("what is frozen cannot be played, so it is live again")
+        log.exception("the rigs cannot be played, so they are Blender's again")
         freezing.melt_all()
 
 
@@ -89,12 +91,19 @@ def after_undo(*_: Any) -> None:
     accelerating.forget()
 
 
+def is_dragging(window: Any) -> bool:
+    """Whether somebody drags something in a window; False before Blender 4.2, which does not tell."""
+    return any(each.bl_idname.startswith(DRAGS) for each in getattr(window, "modal_operators", ()))
+
+
 def freeze_again() -> float:
     """Freezes again what is wanted frozen and is not selected, as a timer. While the scene plays only what was thawed
-    together with another one, which takes one building of relations. If nothing has been evaluated since the last call,
-    accelerates rigs. Returns the seconds until the next call."""
+    together with another one, which takes one building of relations; during a drag nothing. If nothing has been
+    evaluated since the last call, accelerates rigs. Returns the seconds until the next call."""
     global _tried, _has_accelerated, _looks, _paused_until
     context = bpy.context
+    if context.window is not None and is_dragging(context.window):
+        return SECONDS_BETWEEN_LOOKS
     if context.window is None or evaluations.is_job_running() or freezing.keeps_live():
         _tried = (-1, False)  # what has to wait for a job is tried after it
         return SECONDS_BETWEEN_LOOKS
@@ -103,7 +112,7 @@ def freeze_again() -> float:
         try:
             freezing.freeze_again(context.scene, context.view_layer, is_playing)
         except Exception:
-            log.exception("nothing could be frozen again")
+            log.exception("no rig could be played again")
         _tried, _has_accelerated, _looks = (playing.evaluation_count(), is_playing), False, 0
     elif context.scene.sinew_accelerates_rigs and not (is_playing or getattr(context.window, "modal_operators", ())):
         start = perf_counter()

@@ -84,7 +84,9 @@ def _freeze(wanted: list[rigs.Rig], scene: Any, layer: Any) -> None:
         settle(layer.depsgraph)
     for rig in chosen.values():
         if not rig.is_frozen:
-            rig.reason = rig.reason or f"{rig.name} is edited by a handler after each evaluation, so it stays live"
+            rig.reason = rig.reason or (
+                f"{rig.name} is changed after each evaluation: switch off the script or add-on that does it"
+            )
 
 
 def want(rig: rigs.Rig, needs_program: bool = False) -> None:

@@ -61,11 +61,13 @@ def leaders_of(
     is_led = _are_led(dict.fromkeys(block for block, _what in (*placed, *read_numbers)), ob)
     for name, (block, bone) in read.outside.items():
         if bone and is_led[block] and read.read_as.get(name) == targets.BASIS:
-            raise curves.Refused(f"{ob.name} reads {bone} of {block.name}, which moves, in transform space")
+            raise curves.Refused(
+                f"{ob.name} reads {bone} of {block.name}, which moves, in transform space: choose World Space"
+            )
         if bone and is_led[block]:
             bones = block.pose.bones
             if (number := bones.find(bone)) < 0:
-                raise curves.Refused(f"{ob.name} follows a bone that is not there")
+                raise curves.Refused(f"{ob.name} follows a bone of {block.name} that is not there: choose another one")
             length = bones[number].bone.length
             leader(block).bones[name] = Bone(number, read.read_as.get(name), read.along.get(name, 0), length)
     for name, (block, path) in numbers.read.items():
@@ -102,7 +104,7 @@ def _are_led(blocks: Iterable[Any], ob: bpy.types.Object) -> dict[Any, bool]:
             raise curves.Refused(f"{ob.name} follows {block.name}, which may move{why and ': ' + why}")
         followers.check_place(block)
         if block in mutual:
-            raise curves.Refused(f"{ob.name} and {block.name} follow each other")
+            raise curves.Refused(f"{ob.name} and {block.name} follow each other: have one of them alone follow")
     return found
 
 
@@ -144,7 +146,7 @@ def _given(leader: Leader, frames: Sequence[float]) -> Iterator[tuple[str, np.nd
     moments: list[Any] = [leader.rig.at(frame) for frame in frames]
     if None in moments or leader.numbers:
         if program is None or not leader.rig.source.is_proven:
-            raise Unknown(f"{leader.rig.name}, which it follows, is not computed")
+            raise Unknown(f"{leader.rig.name}, which it follows, is not native")
         given = inputs(leader.rig, frames)
     is_known = None not in moments
     found = np.array([poses.matrices_in(each.pose) for each in moments]) if is_known else program.evaluate(times, given)
@@ -156,7 +158,7 @@ def _given(leader: Leader, frames: Sequence[float]) -> Iterator[tuple[str, np.nd
             yield from zip(own, targets.multiplied(leader.world, posed.swapaxes(0, 1), read_as == targets.HEAD))
             continue
         if program is None:
-            raise Unknown(f"{leader.rig.name}, which it follows, is not computed")
+            raise Unknown(f"{leader.rig.name}, which it follows, is not native")
         moved = found
         if along:
             moved = found.copy()

@@ -96,7 +96,7 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
         computing.fill(own, frame)
     for rig in own:
         if rig.at(frame) is None:
-            reasons.setdefault(rig.key, f"frame {frame:g} of {rig.name} is not recorded: it is live there")
+            reasons.setdefault(rig.key, f"frame {frame:g} of {rig.name} is not recorded: it is Blender's there")
         elif rig.followers.is_simulated and not is_new_frame and (rig.pose is None or rig.shown != frame):
             reasons.setdefault(rig.key, "")  # what is simulated would have to be tagged
     if not reasons:
@@ -118,7 +118,7 @@ def _look(rig: rigs.Rig, graph: Any, frame: float, is_new_frame: bool) -> str:
     if have_keys_changed or rig.watch is None or rig.watch.is_tagged(graph, is_new_frame):
         return "" if freezing.pose(rig) else f"{rig.name} was edited"
     if rig.tempo != changes.tempo_of(rig.scene):
-        return f"{rig.scene.name} plays at another speed than when {rig.name} was recorded"
+        return f"{rig.scene.name} plays at another speed than when {rig.name} was recorded: press Record"
     return ""
 
 

@@ -1,4 +1,4 @@
-"""Says why armatures cannot be frozen, in sentences, and drops what does not hold of their records before."""
+"""Says why armatures stay Blender's, in sentences, and drops what does not hold of their records before."""
 
 import re
 from collections.abc import Iterable
@@ -25,7 +25,7 @@ def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, 
             live = next((each for each in needs if values.key_of(each) not in needed), None)
             if live is not None:
                 rig, lacking = chosen[key], True
-                rig.reason = f"{rig.name} follows bones of {live.name}, which is live"
+                rig.reason = f"{rig.name} follows bones of {live.name}, which is Blender's"
                 del needed[key]
     return {key: chosen[key] for key in needed}
 
@@ -33,6 +33,30 @@ def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, 
 def look_at_each(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> dict[int, list[Any]]:
     """Returns the other armatures on which each of these depends that can be frozen beside them, by key. `reason` of
     the others says why not."""
+    own = list(own)
+    needed = _look_at_each(own, scene, layer)
+    live = (rig for rig in own if rig.reason and rig.source.program is not None and not rig.is_idle)
+    rounded = [rig for rig in live if _lose_rounding(rig, scene)]
+    if rounded:
+        layer.update()
+        needed |= _look_at_each(rounded, scene, layer)
+    return needed
+
+
+def _lose_rounding(rig: rigs.Rig, scene: Any) -> bool:
+    """Has Blender evaluate keyframes again from which an armature, and what it follows, differ by rounding alone, as
+    where a drag has moved a channel so little that auto-keying leaves it out. Returns whether there are any."""
+    time = scene.frame_current_final
+    if computing.unkeyed_path(rig, time) or followers.unkeyed(rig.ob, scene):
+        return False
+    found = [rig.ob] if computing.unkeyed_path(rig, time, 0) else []
+    found += [each for each in followers.moved_by_keys(rig.ob) if animation.unkeyed_path(each, time, 0)]
+    for each in found:
+        each.update_tag(refresh={"TIME"})
+    return bool(found)
+
+
+def _look_at_each(own: list[rigs.Rig], scene: Any, layer: Any) -> dict[int, list[Any]]:
     own, users = leading.in_order(own), dependencies.Users.now()
     found = followers.find([rig.ob for rig in own], users, layer.depsgraph)
     changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
@@ -55,7 +79,7 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
     """Reads the program of a rig if there may be one. Returns why it cannot be frozen, or "". own: what follows it, as
     followers.find returns it."""
     if isinstance(own, NotFreezable):
-        return f"{rig.name} cannot be frozen: {own}"
+        return f"{rig.name} stays Blender's: {own}"
     _drop_what_is_wrong(rig, scene, layer)
     computing.prove(rig, own, users, scene, layer.depsgraph)
     if not (rig.source.is_proven and rig.is_posable):
@@ -69,7 +93,7 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
         path = min(unknown)
         return (
             f"the driver of {own.reads[path]} reads {rna_paths.spoken(path)} of {rig.name}, which is animated and not "
-            "recorded"
+            "recorded: let it read a channel of a bone"
         )
     if rig.ob.mode == "POSE" and not rig.is_posable:
         return being_edited(rig.ob)
@@ -84,20 +108,21 @@ def why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:
     """Returns why an armature whose record is right cannot be frozen now, as a sentence; "" if it can."""
     frame = rigs.whole_frame(scene)
     if frame is None:
-        return f"{rig.name} is live between two frames: only whole frames are recorded"
+        return f"{rig.name} is Blender's between two frames: only whole frames are recorded"
     if rigs.evaluated_copy(rig, layer.depsgraph) is None:
-        return f"{rig.name} is not in this view layer"
+        return f"{rig.name} is not in this view layer: switch its collection on"
     if rig.at(frame) is not None:
         return ""
     bone = unkeyed_bone(rig, scene)
     if bone:
-        return (
-            f'{rig.name} has changes that are not keyed (bone "{bone}"): they would be lost on another frame, so it '
-            "stays live"
-        )
+        return _unkeyed(rig, bone)
     if rig.restless > 1:
-        return f"{rig.name} is edited after each frame, by a handler of another add-on, which cannot be recorded"
-    return f"frame {frame} of {rig.name} is not recorded: play it, or use Record"
+        return f"{rig.name} is edited on each frame: switch off the script or add-on that does it, and press Record"
+    return f"frame {frame} of {rig.name} is not recorded: play it, or press Record"
+
+
+def _unkeyed(rig: rigs.Rig, bone: str) -> str:
+    return f'{rig.name} has changes that are not keyed (bone "{bone}"): key them, or change the frame to lose them'
 
 
 def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
@@ -106,20 +131,23 @@ def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
         return rig.source.refusal
     unknown = next((each.rig.name for each in rig.source.leaders if not each.rig.source.is_proven), "")
     if unknown:
-        return f"{rig.name} follows bones of {unknown}, which is not computed"
+        return f"{rig.name} follows bones of {unknown}, which is not native"
     if rig.source.is_proven:
-        return f"keyframes of {rig.name} set more than channels of bones, constraints' influence and custom properties"
+        return (
+            f"keyframes of {rig.name} set more than channels of bones, constraints' influence and custom properties: "
+            "press Record to have it native until it is selected"
+        )
     bone = unkeyed_bone(rig, scene)
     if bone:
-        return f'{rig.name} has changes that are not keyed (bone "{bone}")'
+        return _unkeyed(rig, bone)
     if followed := followers.unkeyed(rig.ob, scene):
-        return f"{followed}, which {rig.name} follows, has changes that are not keyed"
+        return f"{followed}, which {rig.name} follows, has changes that are not keyed: key them"
     graph = rig.graph()
     if graph is not None and rigs.is_hidden(rig, graph):
-        return f"{rig.name} is hidden, so Blender may not evaluate all of its bones"
+        return f"{rig.name} is hidden, so Blender may not evaluate all of its bones: show it"
     if rig.difference is not None:
         return rig.difference.sentence(rig.ob)
-    return f"the pose of {rig.name} is not exactly what was computed"
+    return f"the pose of {rig.name} is not exactly what was computed: change the frame to have it compared again"
 
 
 def being_edited(rig: Any) -> str:
@@ -184,16 +212,18 @@ def check(rig: Any, layer: Any) -> list[Any]:
     moving = followers.moving(rig, outside)
     is_keyed = data is not None and (data.action is not None or any(track.strips for track in data.nla_tracks))
     if not is_keyed and not rigs.moves(rig):
-        raise NotFreezable(f"{rig.name} has no keyframes: there is nothing to freeze")
+        raise NotFreezable(f"{rig.name} has no keyframes: key a pose")
     if data is not None and data.use_tweak_mode:
         raise NotFreezable(f"an NLA strip of {rig.name} is being edited: leave its tweak mode first")
     if rig.mode not in ("OBJECT", "POSE") or rig.data.is_editmode:
         raise NotFreezable(being_edited(rig))
     followers.check_place(rig)
     if animation.keyed_curves(rig.data):
-        raise NotFreezable(f"the armature data {rig.data.name} have keyframes of their own")
+        raise NotFreezable(f"the armature {rig.data.name} itself has keyframes, not only its bones: remove those")
     if rig.pose.ik_solver == "ITASC":
-        raise NotFreezable(f"{rig.name} uses the iTaSC solver, whose result depends on the frames before")
+        raise NotFreezable(
+            f"{rig.name} uses the iTaSC solver, whose result depends on the frames before: choose Standard"
+        )
     if clip_store.has_poses(rig.data) and _plays_clip(rig):
         raise NotFreezable(
             f"{rig.name} plays the poses of an imported rig, which costs little: there is nothing to gain"
@@ -204,7 +234,8 @@ def check(rig: Any, layer: Any) -> list[Any]:
         timed = next((each for each in dependencies.constraints_of(bone) if each.type in followers.TIMED), None)
         if timed is not None:
             raise NotFreezable(
-                f'{timed.name} of the bone "{bone.name}" of {rig.name} may change on each frame by itself'
+                f'the constraint "{timed.name}" of the bone "{bone.name}" of {rig.name} is of the type '
+                f"{values.choice_name(timed, 'type')}, which Sinew cannot follow: bake it into keyframes"
             )
     followers.check_moving(rig, moving, layer)
     return followers.not_still((each for each in outside if each.type == "ARMATURE"), None)
@@ -221,15 +252,15 @@ def _check_driver(rig: Any, curve: Any) -> None:
         has_word = re.search(rf"\b({words})\b", driver.expression)
         if has_word or not driver_rows.reads_variables_only(driver):
             raise NotFreezable(
-                f"the driver of {rna_paths.spoken(curve.data_path)} of {rig.name} may change on each frame by itself: "
-                f"{driver.expression}"
+                f"the driver of {rna_paths.spoken(curve.data_path)} of {rig.name} depends on more than its variables "
+                f"({driver.expression}): use these alone"
             )
     for variable in driver.variables:
         for target in variable.targets:
             if variable.type == "CONTEXT_PROP" or target.id is not None and not _may_be_read(rig, target.id):
                 raise NotFreezable(
                     f"the driver of {rna_paths.spoken(curve.data_path)} of {rig.name} reads "
-                    f"{getattr(target.id, 'name', 'the scene')}, outside of it, which may change on each frame"
+                    f"{getattr(target.id, 'name', 'the scene')}, which may change on each frame: let it read an object"
                 )
 
 

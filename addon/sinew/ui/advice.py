@@ -12,7 +12,7 @@ from ..host import contract
 from ..install import bind, deformed_copies
 from ..plan import survey
 from ..run import characters
-from . import cures, display
+from . import cures, display, rig_cures
 from .operators import Unbind
 
 
@@ -49,6 +49,8 @@ def _about_evaluation(ob: bpy.types.Object, entry: Any) -> list[Advice]:
     fixes = ((cures.KeepGenerated.bl_idname, "Add a Basis"),) if entry.way.wants_keys else ()
     if cures.first_in_the_way(ob) is not None:
         fixes = ((cures.MoveDown.bl_idname, "Move Down"),)
+    elif rig_cures.names_driver(entry.way.reason):
+        fixes = ((rig_cures.ShowDriver.bl_idname, "Show Driver"),)
     return [Advice(f"Blender's own modifier deforms it: {_lower(entry.way.reason)}", fixes)]
 
 

@@ -30,53 +30,11 @@ def nothing_chosen(context: bpy.types.Context) -> str:
     return "" if chosen(context) else "Select an armature, or an object that one moves"
 
 
-class Record(available.Explains, InSteps, bpy.types.Operator):
-    """Record the poses of selected characters whose rigs Sinew cannot compute: the preview range or the scene's range
-    is played once, without what is recorded already. Press Esc to stop; the recorded frames are kept"""
+class _Records(available.Explains, InSteps):
+    """What Record and RecordOthers share."""
 
-    bl_idname = "object.sinew_record"
-    bl_label = "Record"
-    stopped = "Stopped: the frames that were recorded are kept"
+    stopped = "Stopped: the frames that were recorded are kept, and the rigs stay Blender's"
     seconds_in_a_row = 0.1
-
-    @classmethod
-    def why_not(cls, context):
-        return not_now(context) or nothing_chosen(context)
-
-    def invoke(self, context, _event):
-        return self.begin(context, recording.steps(context.scene, context.view_layer, chosen(context)))
-
-    def execute(self, context):
-        for _step in recording.steps(context.scene, context.view_layer, chosen(context)):
-            pass
-        return self.finish(context, None)
-
-    def finish(self, context, _value):
-        own = [rigs.learn(each) for each in chosen(context)]
-        lacking = [rig for rig in own if recording.missing(rig, context.scene)]
-        report_native(self, own)
-        for rig in lacking:
-            why = rig.reason or "there is no room in memory, see the preferences, or it has no keyframes"
-            self.report({"WARNING"}, f"{rig.name} is not recorded on all frames: {why}")
-        return {"FINISHED"} if len(lacking) < len(own) else {"CANCELLED"}
-
-
-def report_native(operator: Any, own: list[rigs.Rig]) -> None:
-    """Says for which of these rigs there is nothing to do."""
-    native = followers.listed([rig.name for rig in own if rig.source.is_proven])
-    if native:
-        operator.report({"INFO"}, f"{native}: native, so nothing has to be recorded")
-
-
-class Freezes(available.Explains, InSteps):
-    """What Freeze and FreezeOthers share."""
-
-    stopped = "Stopped: the frames that were recorded are kept, and nothing was frozen"
-    seconds_in_a_row = 0.1
-
-    @classmethod
-    def why_not(cls, context):
-        return not_now(context)
 
     def invoke(self: Any, context, _event):
         return self.begin(context, self._steps_of(context))
@@ -84,46 +42,60 @@ class Freezes(available.Explains, InSteps):
     def execute(self: Any, context):
         for _step in self._steps_of(context):
             pass
-        return self.finish(context, None)
+        return self.at_once(lambda: self.finish(context, None))
 
     def _steps_of(self: Any, context):
-        return recording.steps(context.scene, context.view_layer, self.armatures(context), False)
+        return recording.steps(context.scene, context.view_layer, self.armatures(context))
 
     def finish(self: Any, context, _value):
         own = [rigs.learn(each) for each in self.armatures(context)]
+        if not own:
+            raise ValueError("No other character of this view layer has keyframes")
         for rig in own:
             if rig.stays_live:
                 rig.ob.sinew_accelerates_rig = True
             freezing.want(rig)
-        if not own:
-            self.report({"ERROR"}, "select an armature, or an object that one moves")
-            return {"CANCELLED"}
         freezing.freeze(own, context.scene, context.view_layer)
         is_any = any(rig.is_frozen for rig in own)
-        report_native(self, own)
+        native = followers.listed([rig.name for rig in own if rig.source.is_proven])
+        if native:
+            self.report({"INFO"}, f"{native}: native, so nothing has to be recorded")
         for rig in own:
             if rig.reason:
-                self.report({"WARNING" if is_any else "ERROR"}, rig.reason)
+                self.report({"WARNING" if is_any else "ERROR"}, notice.as_sentence(rig.reason))
+            elif recording.missing(rig, context.scene):
+                self.report(
+                    {"WARNING"}, f"{rig.name} is not recorded on all frames: raise the limit in the preferences"
+                )
         notice.redraw()
         return {"FINISHED"} if is_any else {"CANCELLED"}
 
 
-class Freeze(Freezes, bpy.types.Operator):
+class Record(_Records, bpy.types.Operator):
     """Play selected characters whose rigs Sinew cannot compute from memory, so that Blender does not evaluate them,
-    until they are selected or edited. Frames that are not recorded are played once first"""
+    until they are selected or edited. Frames of the preview range or the scene's range that are not recorded are played
+    once first. Press Esc to stop; the recorded frames are kept"""
 
-    bl_idname = "object.sinew_freeze"
-    bl_label = "Freeze"
+    bl_idname = "object.sinew_record"
+    bl_label = "Record"
+
+    @classmethod
+    def why_not(cls, context):
+        return not_now(context) or nothing_chosen(context)
 
     def armatures(self, context):
         return chosen(context)
 
 
-class FreezeOthers(Freezes, bpy.types.Operator):
-    """Freeze all characters except for the selected ones"""
+class RecordOthers(_Records, bpy.types.Operator):
+    """Record all characters except for the selected ones, and play them from memory"""
 
-    bl_idname = "object.sinew_freeze_others"
-    bl_label = "Freeze All But This"
+    bl_idname = "object.sinew_record_others"
+    bl_label = "Record All But This"
+
+    @classmethod
+    def why_not(cls, context):
+        return not_now(context)
 
     def armatures(self, context):
         selected = chosen(context)
@@ -155,14 +127,13 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if reading.CAN_READ:
         layout.prop(context.scene, "sinew_accelerates_rigs")
     row = layout.row(align=True)
-    row.operator(Freeze.bl_idname, icon="FREEZE")
-    row.operator(FreezeOthers.bl_idname, text="All But This")
-    layout.operator(Record.bl_idname, icon="REC")
+    row.operator(Record.bl_idname, icon="REC")
+    row.operator(RecordOthers.bl_idname, text="All But This")
     layout.operator(LeaveToBlender.bl_idname, icon="LIGHT_SUN")
     for rig in rigs.known():
         draw_rig(layout, context, rig)
     if rigs.known():
-        layout.label(text=f"{rigs.used_memory() / 2**20:,.0f} MB recorded", icon="INFO")
+        layout.label(text=f"{rigs.used_memory() / 2**20:,.0f} MB in memory", icon="INFO")
 
 
 def draw_rig(layout: bpy.types.UILayout, context: bpy.types.Context, rig: Any) -> None:
@@ -184,8 +155,8 @@ def frames_text(rig: Any) -> str:
     return ", ".join(runs[:MOST_RUNS]) + more or "not recorded"
 
 
-class SidebarFrozen(InSidebar, bpy.types.Panel):
-    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_frozen", "VIEW3D_PT_sinew"
+class SidebarRigs(InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_rigs", "VIEW3D_PT_sinew"
     bl_label = "Rigs"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -222,7 +193,7 @@ def _switch_rig(ob: Any, context: Any) -> None:
         freezing.thaw([rig], scene, layer)
 
 
-CLASSES = (Record, Freeze, FreezeOthers, LeaveToBlender, SidebarFrozen)
+CLASSES = (Record, RecordOthers, LeaveToBlender, SidebarRigs)
 
 
 def register() -> None:

@@ -13,7 +13,7 @@ from ..main import memory_use, whole_frames
 from ..native import sinew_native
 from ..plan import bindable, survey, ways
 from ..stencils import searching
-from . import advice, cures, display, method_settings, rig_line
+from . import advice, cures, display, method_settings, rig_cures, rig_line
 from .bake import Bake, PlayCache, TakeOffCache
 from .crowd import AddCrowd, RenewCrowd
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
@@ -248,6 +248,8 @@ def draw_chain(layout: bpy.types.UILayout, ob: bpy.types.Object, entry: Any) -> 
         end = ob.modifiers.get(entry.run.end)
         if end is not None and survey.why_not_bound(ob, end):
             layout.operator(cures.BindSmoothing.bl_idname)
+        if rig_cures.names_driver(entry.run.reason):
+            layout.operator(rig_cures.ShowDriver.bl_idname)
 
 
 def time_text(milliseconds: float | None) -> str:
