@@ -180,11 +180,9 @@ concept HasInner = requires {
   Table<Owner>::inner;
 };
 
-/// An enumeration's names. The first is that of kFirst.
+/// Has an overload of `names` for each enumeration: its names in the order of its values, with blanks between them.
 template <class Enum>
-constexpr std::array<std::string_view, 0> kNames{};
-template <class Enum>
-constexpr int kFirst = 0;
+struct NamesOf {};
 
 template <class Owner>
 void read_rows(Reader& reader, Object& object, const Where& where, Owner& owner) {
@@ -252,13 +250,15 @@ template <class Enum>
 requires std::is_enum_v<Enum>
 void read(Reader&, const Entry& entry, Enum& choice) {
   const std::string& name = text_of(entry);
-  const auto found = std::ranges::find(kNames<Enum>, name);
-  if (found == kNames<Enum>.end()) {
-    std::string expected;
-    for (const std::string_view known : kNames<Enum>) expected.append(expected.empty() ? "" : ", ").append(known);
-    wrong(entry.where, "has \"", entry.name, "\": \"", name, "\"; expected one of ", expected);
+  constexpr std::string_view known = names(NamesOf<Enum>());
+  int number = std::is_same_v<Enum, RotationMode> ? static_cast<int>(RotationMode::axis_angle) : 0;
+  for (std::string_view rest = known, word; !(word = next_word(rest)).empty(); ++number) {
+    choice = static_cast<Enum>(number);
+    if (word == name) return;
   }
-  choice = static_cast<Enum>(kFirst<Enum> + (found - kNames<Enum>.begin()));
+  std::string expected;
+  for (const char letter : known) expected.append(letter == ' ' ? ", " : std::string(1, letter));
+  wrong(entry.where, "has \"", entry.name, "\": \"", name, "\"; expected one of ", expected);
 }
 
 /// A part of its own.

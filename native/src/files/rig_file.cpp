@@ -5,61 +5,36 @@
 namespace sinew {
 namespace entries {
 
-template <>
-constexpr std::array kNames<RotationMode> = kRotationModeNames;
-template <>
-constexpr int kFirst<RotationMode> = static_cast<int>(RotationMode::axis_angle);
-template <>
-constexpr auto kNames<InheritScale> = std::to_array<std::string_view>({"FULL", "FIX_SHEAR", "ALIGNED", "AVERAGE",
-                                                                       "NONE", "NONE_LEGACY"});
-template <>
-constexpr auto kNames<HandleType> = std::to_array<std::string_view>({"AUTO", "ABSOLUTE", "RELATIVE", "TANGENT"});
-template <>
-constexpr auto kNames<SplineHandle> = std::to_array<std::string_view>({"FREE", "AUTO", "VECTOR", "ALIGNED"});
-template <>
-constexpr auto kNames<RadiusInterpolation> = std::to_array<std::string_view>({"LINEAR", "CARDINAL", "BSPLINE", "EASE"});
-template <>
-constexpr auto kNames<CycleMode> = std::to_array<std::string_view>({"NONE", "REPEAT", "REPEAT_OFFSET", "MIRROR"});
-template <>
-constexpr auto kNames<CurveModifier::Type> = std::to_array<std::string_view>({"CYCLES", "GENERATOR", "FNGENERATOR",
-                                                                              "ENVELOPE", "LIMITS", "STEPPED"});
-template <>
-constexpr auto kNames<CurveFunction> = std::to_array<std::string_view>({"SIN", "COS", "TAN", "SQRT", "LN", "SINC"});
-template <>
-constexpr auto kNames<DriverType> = std::to_array<std::string_view>({"AVERAGE", "SCRIPTED", "SUM", "MIN", "MAX"});
-template <>
-constexpr auto kNames<VariableType> = std::to_array<std::string_view>({"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF",
-                                                                       "ROTATION_DIFF"});
-template <>
-constexpr auto kNames<TransformChannel> = std::to_array<std::string_view>({"LOC_X", "LOC_Y", "LOC_Z", "ROT_X", "ROT_Y",
-                                                                           "ROT_Z", "SCALE_X", "SCALE_Y", "SCALE_Z",
-                                                                           "SCALE_AVG", "ROT_W"});
-template <>
-constexpr auto kNames<TransformSpace> = std::to_array<std::string_view>({"WORLD_SPACE", "TRANSFORM_SPACE",
-                                                                         "LOCAL_SPACE"});
-template <>
-constexpr auto kNames<ChannelRotation> = std::to_array<std::string_view>({"AUTO", "XYZ", "XZY", "YXZ", "YZX", "ZXY",
-                                                                          "ZYX", "QUATERNION", "SWING_TWIST_X",
-                                                                          "SWING_TWIST_Y", "SWING_TWIST_Z"});
-template <>
-constexpr auto kNames<StripType> = std::to_array<std::string_view>({"CLIP", "TRANSITION", "META"});
-template <>
-constexpr auto kNames<StripBlend> = std::to_array<std::string_view>({"REPLACE", "ADD", "SUBTRACT", "MULTIPLY",
-                                                                     "COMBINE"});
-template <>
-constexpr auto kNames<StripExtrapolation> = std::to_array<std::string_view>({"HOLD", "HOLD_FORWARD", "NOTHING"});
-template <>
-constexpr auto kNames<PropertyMix> = std::to_array<std::string_view>({"ADD", "MULTIPLY", "QUATERNION"});
-template <>
-constexpr auto kNames<ValueKind> = std::to_array<std::string_view>({"FLOAT", "INT", "BOOLEAN", "ENUM"});
-
 /// What a description keeps as a flag.
 enum class Mapping : std::uint8_t { straight, curved };
 enum class SplineType : std::uint8_t { bezier, poly };
-template <>
-constexpr auto kNames<Mapping> = std::to_array<std::string_view>({"STRAIGHT", "CURVED"});
-template <>
-constexpr auto kNames<SplineType> = std::to_array<std::string_view>({"BEZIER", "POLY"});
+
+constexpr std::string_view names(NamesOf<RotationMode>) { return "AXIS_ANGLE QUATERNION XYZ XZY YXZ YZX ZXY ZYX"; }
+constexpr std::string_view names(NamesOf<InheritScale>) { return "FULL FIX_SHEAR ALIGNED AVERAGE NONE NONE_LEGACY"; }
+constexpr std::string_view names(NamesOf<HandleType>) { return "AUTO ABSOLUTE RELATIVE TANGENT"; }
+constexpr std::string_view names(NamesOf<SplineHandle>) { return "FREE AUTO VECTOR ALIGNED"; }
+constexpr std::string_view names(NamesOf<RadiusInterpolation>) { return "LINEAR CARDINAL BSPLINE EASE"; }
+constexpr std::string_view names(NamesOf<CycleMode>) { return "NONE REPEAT REPEAT_OFFSET MIRROR"; }
+constexpr std::string_view names(NamesOf<CurveModifier::Type>) {
+  return "CYCLES GENERATOR FNGENERATOR ENVELOPE LIMITS STEPPED";
+}
+constexpr std::string_view names(NamesOf<CurveFunction>) { return "SIN COS TAN SQRT LN SINC"; }
+constexpr std::string_view names(NamesOf<DriverType>) { return "AVERAGE SCRIPTED SUM MIN MAX"; }
+constexpr std::string_view names(NamesOf<VariableType>) { return "SINGLE_PROP TRANSFORMS LOC_DIFF ROTATION_DIFF"; }
+constexpr std::string_view names(NamesOf<TransformChannel>) {
+  return "LOC_X LOC_Y LOC_Z ROT_X ROT_Y ROT_Z SCALE_X SCALE_Y SCALE_Z SCALE_AVG ROT_W";
+}
+constexpr std::string_view names(NamesOf<TransformSpace>) { return "WORLD_SPACE TRANSFORM_SPACE LOCAL_SPACE"; }
+constexpr std::string_view names(NamesOf<ChannelRotation>) {
+  return "AUTO XYZ XZY YXZ YZX ZXY ZYX QUATERNION SWING_TWIST_X SWING_TWIST_Y SWING_TWIST_Z";
+}
+constexpr std::string_view names(NamesOf<StripType>) { return "CLIP TRANSITION META"; }
+constexpr std::string_view names(NamesOf<StripBlend>) { return "REPLACE ADD SUBTRACT MULTIPLY COMBINE"; }
+constexpr std::string_view names(NamesOf<StripExtrapolation>) { return "HOLD HOLD_FORWARD NOTHING"; }
+constexpr std::string_view names(NamesOf<PropertyMix>) { return "ADD MULTIPLY QUATERNION"; }
+constexpr std::string_view names(NamesOf<ValueKind>) { return "FLOAT INT BOOLEAN ENUM"; }
+constexpr std::string_view names(NamesOf<Mapping>) { return "STRAIGHT CURVED"; }
+constexpr std::string_view names(NamesOf<SplineType>) { return "BEZIER POLY"; }
 
 /// Blender's numbers of interpolations.
 constexpr std::array kInterpolations = {
