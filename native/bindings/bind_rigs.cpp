@@ -9,8 +9,9 @@
 #include <variant>
 
 #include "arrays.h"
+#include "json_of.h"
 #include "kept_program.h"
-#include "rig_description_of.h"
+#include "sinew/rig_file.h"
 #include "sinew/rig_program.h"
 #include "sinew/skeleton.h"
 #include "sinew/threads.h"
@@ -94,7 +95,7 @@ py::array py_evaluate(const RigProgram& program, const py::array& frames, const 
 
 std::shared_ptr<RigProgram> py_edited(const RigProgram& program, const py::dict& set, const py::list& curves) {
   const Inputs inputs(program, set, 1);
-  return kept_edit(program, program.edited(inputs.given(), animated_values_of(curves)), set, curves);
+  return kept_edit(program, program.edited(inputs.given(), animated_values_of(json_of(curves))), set, curves);
 }
 
 std::shared_ptr<RigProgram> program_of_state(const py::tuple& state) {
@@ -172,11 +173,17 @@ py::dict paths_of(const RigProgram& program) {
 std::shared_ptr<RigProgram> program_of(const std::variant<py::dict, std::filesystem::path>& given,
                                        bool keeps_description) {
   if (const auto* description = std::get_if<py::dict>(&given)) return kept_program(*description, keeps_description);
-  const auto& path = std::get<std::filesystem::path>(given);
+  const py::object path = py::cast(std::get<std::filesystem::path>(given));
   try {
-    return kept_program(rig_file(path), keeps_description);
+    const py::object file = py::module_::import("io").attr("open")(path, "rb");
+    const py::object text = file.attr("read")();
+    file.attr("close")();
+    return kept_program(text, keeps_description);
   } catch (const InputError& error) {
-    throw InputError(std::string(py::str(py::cast(path))) + ": " + error.what());
+    throw InputError(std::string(py::str(path)) + ": " + error.what());
+  } catch (py::error_already_set& error) {
+    if (!error.matches(PyExc_OSError) && !error.matches(PyExc_ValueError)) throw;
+    throw InputError(std::string(py::str(path)) + ": " + std::string(py::str(error.value())));
   }
 }
 

@@ -3,7 +3,8 @@
 #include <utility>
 
 #include "arrays.h"
-#include "rig_description_of.h"
+#include "json_of.h"
+#include "sinew/rig_file.h"
 
 namespace sinew::bindings {
 namespace {
@@ -29,8 +30,12 @@ const KeptProgram& kept(const RigProgram& program) { return static_cast<const Ke
 
 }  // namespace
 
-std::shared_ptr<RigProgram> kept_program(const py::dict& description, bool keeps_description) {
-  const auto program = std::make_shared<KeptProgram>(KeptProgram{RigProgram(rig_description_of(description)), {}, {}});
+std::shared_ptr<RigProgram> kept_program(const py::object& description, bool keeps_description) {
+  const bool is_text = py::isinstance<py::bytes>(description);
+  const RigDescription read = is_text
+                                  ? rig_description_of(std::string_view(py::reinterpret_borrow<py::bytes>(description)))
+                                  : rig_description_of(json_of(description));
+  const auto program = std::make_shared<KeptProgram>(KeptProgram{RigProgram(read), {}, {}});
   if (keeps_description) program->description = pickled(description);
   return program;
 }

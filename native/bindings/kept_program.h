@@ -16,8 +16,8 @@ struct KeptProgram : RigProgram {
   std::string edits;        ///< a dictionary of values and one of curves, the latest last; empty if there are none
 };
 
-/// Makes a program of a dictionary as docs/rigs.md has it. Throws InputError.
-std::shared_ptr<RigProgram> kept_program(const pybind11::dict& description, bool keeps_description);
+/// Makes a program of a dictionary as docs/rigs.md has it, or of a file's text, as bytes. Throws InputError.
+std::shared_ptr<RigProgram> kept_program(const pybind11::object& description, bool keeps_description);
 
 /// Returns RigProgram::edited, with the edit kept. set, curves: what it was made from.
 std::shared_ptr<RigProgram> kept_edit(const RigProgram& program, RigProgram edited, const pybind11::dict& set,

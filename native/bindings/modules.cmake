@@ -50,9 +50,9 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/bind_tasks.cpp
     bindings/bind_weight_tools.cpp
     bindings/explain_arguments.cpp
+    bindings/json_of.cpp
     bindings/kept_program.cpp
-    bindings/module.cpp
-    bindings/rig_description_of.cpp)
+    bindings/module.cpp)
   target_link_libraries(${target} PRIVATE ${copying})
   target_compile_options(${copying} PRIVATE $<$<AND:$<CONFIG:Release>,$<NOT:$<CXX_COMPILER_ID:MSVC>>>:-Os>)
   foreach(part ${target} ${copying})

@@ -910,7 +910,9 @@ def test_the_command_writes_a_description(sinew, rig_blend, tmp_path):
     assert (code, err) == (0, "")
     assert out.startswith(f"Rig: 3 bones\nwritten to {output}")
     native = addon_module("native").sinew_native
-    written = native.RigProgram(json.loads(output.read_text()))
+    description = json.loads(output.read_text())
+    assert description["format"] == 1
+    written = native.RigProgram(description)
     read = reading().read(bpy.data.objects["Rig"])
     times = np.array(FRAMES, np.float32)
     assert (written.evaluate(times) == checking().program_of(read).evaluate(times)).all()

@@ -6,6 +6,7 @@
 #include "memory.h"
 #include "sinew/dmat.h"
 #include "sinew/rig.h"
+#include "sinew/rig_file.h"
 
 namespace sinew {
 namespace {
@@ -50,6 +51,10 @@ TEST(Readers, MemoryIsInProportionToTheFile) {
     const auto skeleton = [](const auto& path) { read_skeleton(path); };
     check("joints.bf", many_joints(count), skeleton);
     check("joints.tgf", tgf_joints(count), skeleton);
+    const auto rig = [](const auto& path) { read_rig_program(path); };
+    check("lists.json", "[" + repeated("[],", count) + "0]", rig);
+    check("lists of one.json", "[" + repeated("[1],", count) + "0]", rig);
+    check("values.json", "{\"values\":[" + repeated("{},", count) + "0]}", rig);
     const auto obj = [](const auto& path) { read_obj(path); };
     check("vertices.obj", repeated("v 0 0 0\n", count), obj);
     check("faces.obj", "v 0 0 0\n" + repeated("f 1 1 1\n", count), obj);

@@ -12,7 +12,7 @@
 namespace sinew {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotANumber = std::numeric_limits<double>::quiet_NaN();
 
 /// A folder with a triangle on two bones, to be broken in one place by each test.
 class RigFolder : public testing::Test {
@@ -251,10 +251,11 @@ TEST_F(RigCheck, Faces) {
 }
 
 TEST_F(RigCheck, Numbers) {
-  EXPECT_EQ(said_of([](Rig& rig) { rig.mesh.positions[4] = static_cast<float>(kNan); }),
+  EXPECT_EQ(said_of([](Rig& rig) { rig.mesh.positions[4] = static_cast<float>(kNotANumber); }),
             "mesh.obj: a position is not finite");
-  EXPECT_EQ(said_of([](Rig& rig) { rig.weights(1, 1) = kNan; }), "weights.dmat: a weight is not finite");
-  EXPECT_EQ(said_of([](Rig& rig) { rig.animation->matrices[2](0, 0) = kNan; }), "anim.dmat: a matrix is not finite");
+  EXPECT_EQ(said_of([](Rig& rig) { rig.weights(1, 1) = kNotANumber; }), "weights.dmat: a weight is not finite");
+  EXPECT_EQ(said_of([](Rig& rig) { rig.animation->matrices[2](0, 0) = kNotANumber; }),
+            "anim.dmat: a matrix is not finite");
 }
 
 TEST_F(RigCheck, Weights) {

@@ -24,6 +24,15 @@ def test_all_types_of_constraints_are_there():
     assert set().union(*(constraint_types(rig) for rig, _ in RIGS)) == set(sinew.rig_constraint_settings())
 
 
+def test_files_of_them_are_read_to_the_bit(tmp_path):
+    path = tmp_path / "rig.json"
+    for rig, _ in RIGS:
+        path.write_text(json.dumps(rig["description"]), encoding="utf-8")
+        frames = np.array(rig["frames"], np.float32)
+        poses, of_file = (sinew.RigProgram(each).evaluate(frames, rig["inputs"]) for each in (rig["description"], path))
+        assert poses.tobytes() == of_file.tobytes()
+
+
 @pytest.mark.parametrize("number", range(len(RIGS)))
 def test_poses_are_blenders(number):
     rig, c_library_of_blender = RIGS[number]

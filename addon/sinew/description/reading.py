@@ -26,6 +26,7 @@ from . import (
 )
 
 CAN_READ = bpy.app.version >= (4, 2, 0)  # older ones evaluate in other ways
+FORMAT = 1  # of what is written; the library refuses a newer one than its own
 
 
 @dataclass
@@ -99,6 +100,7 @@ def read(
     row, stored = bone_rows.places_of(ob), bone_numbers.read(ob)
     rows = bone_rows.bones_of(ob, row, stored, found)
     description = {
+        "format": FORMAT,
         "name": ob.name,
         "blender": 100 * bpy.app.version[0] + bpy.app.version[1],
         "world": ob.name_full if found.moves else [list(row) for row in ob.evaluated_get(depsgraph).matrix_world],

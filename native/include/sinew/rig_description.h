@@ -167,9 +167,6 @@ struct RigTarget {
 };
 
 enum class RotationMode : signed char { axis_angle = -1, quaternion, xyz, xzy, yxz, yzx, zxy, zyx };
-/// Blender's names of them, in this order.
-inline constexpr std::array<std::string_view, 8> kRotationModeNames = {"AXIS_ANGLE", "QUATERNION", "XYZ", "XZY",
-                                                                       "YXZ",        "YZX",        "ZXY", "ZYX"};
 enum class InheritScale : std::uint8_t { full, fix_shear, aligned, average, none, none_legacy };
 enum class HandleType : std::uint8_t { automatic, absolute, relative, tangent };
 

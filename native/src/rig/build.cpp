@@ -252,11 +252,8 @@ void check_settings(const RigDescription& rig, const Program& program) {
   for (std::size_t i = 0; i < rig.constraints.size(); ++i) {
     const ConstraintDescription& constraint = rig.constraints[i];
     const int values = program.map.first_of_constraint(static_cast<int>(i));
-    const auto is_always = [&](int setting, bool wanted) {
-      return !written[values + setting] && (constraint.settings[setting] != 0) == wanted;
-    };
-    if (is_always(kMuted, true) || is_always(kEnabled, false)) continue;
-    if (is_always(kValid, false) || is_always(kInfluence, false)) continue;
+    if (!may_act(program, written, values)) continue;
+    const auto is_always_off = [&](int setting) { return stays(program, written, values + setting, false); };
     const auto text = [&] { return constraint_text(rig, constraint); };
     check_choices(constraint, text);
     const auto place = [&](std::string_view name) {
@@ -268,18 +265,18 @@ void check_settings(const RigDescription& rig, const Program& program) {
       return at;
     };
     const auto refuse_unless_off = [&](std::string_view setting, const char* reason) {
-      if (!is_always(place(setting), false)) fail(text(), reason);
+      if (!is_always_off(place(setting))) fail(text(), reason);
     };
     const bool has_target = !constraint.targets.empty() && constraint.targets[0].type != RigTarget::Type::none;
     switch (constraint.type) {
       case ConstraintType::stretch_to:
-        if (has_target && is_always(place("rest_length"), false)) {
+        if (has_target && is_always_off(place("rest_length"))) {
           fail(text(),
                " has a rest length of 0, which Blender replaces when it first acts; show a frame on which it does");
         }
         break;
       case ConstraintType::limit_distance:
-        if (has_target && is_always(place("distance"), false)) {
+        if (has_target && is_always_off(place("distance"))) {
           fail(text(),
                " has a distance of 0, which Blender replaces when it first acts; show a frame on which it does");
         }
@@ -307,7 +304,7 @@ void check_settings(const RigDescription& rig, const Program& program) {
     const RigTarget& target = constraint.targets[0];
     const bool is_object =
         target.type == RigTarget::Type::outside || (target.type == RigTarget::Type::armature && !is_at_origin);
-    const bool is_world = is_always(kTargetSpace, false) || constraint.settings[kTargetSpace] != 1;
+    const bool is_world = is_always_off(kTargetSpace) || constraint.settings[kTargetSpace] != 1;
     if (is_object && !is_world) {
       fail(text(), " reads an object in local space, which is not computed; choose world space");
     }

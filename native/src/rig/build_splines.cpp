@@ -95,11 +95,7 @@ void add_chains(const RigDescription& rig, Program& program) {
     const Constraint& constraint = program.constraints[i];
     if (constraint.type != ConstraintType::spline_ik) continue;
     const auto initial = [&](int setting) { return program.map.values()[constraint.values + setting].initial; };
-    const auto is_always = [&](int setting, bool wanted) {
-      return !written[constraint.values + setting] && (initial(setting) != 0) == wanted;
-    };
-    if (is_always(kMuted, true) || is_always(kEnabled, false)) continue;
-    if (is_always(kValid, false) || is_always(kInfluence, false)) continue;
+    if (!may_act(program, written, constraint.values)) continue;
     const std::string text = "Spline IK of " + bone_text(rig, constraint.bone);
     Chain chain;
     chain.constraint = static_cast<int>(i);

@@ -90,7 +90,6 @@ class Graph {
     return std::ranges::any_of(roots_[a], [&](int root) { return std::ranges::count(roots_[b], root) != 0; });
   }
   bool is_above_in_tree(int bone, int other) const;
-  bool may_act(const Constraint& constraint) const;
   float initial(const Constraint& constraint, int setting) const {
     return program_.map.values()[constraint.values + setting].initial;
   }
@@ -177,13 +176,6 @@ bool Graph::is_above_in_tree(int bone, int other) const {
     if (above == bone) return true;
   }
   return false;
-}
-
-bool Graph::may_act(const Constraint& constraint) const {
-  const auto stays = [&](int setting, bool wanted) {
-    return !written_[constraint.values + setting] && (initial(constraint, setting) != 0) == wanted;
-  };
-  return !stays(kMuted, true) && !stays(kEnabled, false) && !stays(kValid, false) && !stays(kInfluence, false);
 }
 
 void Graph::add_chain(int node, const std::vector<int>& bones) {
@@ -305,7 +297,8 @@ void Graph::add_constraint(const Constraint& constraint) {
       need(node, done_node(target.index));
     } else {
       need(node, ready_node(target.index));
-      if (may_act(constraint) && !is_above_in_tree(target.index, constraint.bone)) see_ready(target.index);
+      if (may_act(program_, written_, constraint.values) && !is_above_in_tree(target.index, constraint.bone))
+        see_ready(target.index);
     }
   };
   const bool is_armature = constraint.type == ConstraintType::armature;
@@ -538,6 +531,16 @@ std::vector<char> written_values(const Program& program) {
   for (const MixedNumber& mixed : program.nla.numbers) written[mixed.value] = 1;
   for (const ProgramDriver& driver : program.drivers) written[driver.value] = 1;
   return written;
+}
+
+bool stays(const Program& program, const std::vector<char>& written, int value, bool is_on) {
+  return !written[value] && (program.map.values()[value].initial != 0) == is_on;
+}
+
+bool may_act(const Program& program, const std::vector<char>& written, int first) {
+  const auto is_always = [&](int setting, bool is_on) { return stays(program, written, first + setting, is_on); };
+  return !is_always(kMuted, true) && !is_always(kEnabled, false) && !is_always(kValid, false) &&
+         !is_always(kInfluence, false);
 }
 
 }  // namespace sinew::rig

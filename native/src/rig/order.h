@@ -20,4 +20,10 @@ std::vector<Operation> put_in_order(const Program& program);
 /// Whether a curve or a driver sets each number.
 std::vector<char> written_values(const Program& program);
 
+/// Whether a number is always on, or always off. written: as written_values returns it.
+bool stays(const Program& program, const std::vector<char>& written, int value, bool is_on);
+
+/// Whether a constraint ever acts. first: the first of its numbers.
+bool may_act(const Program& program, const std::vector<char>& written, int first);
+
 }  // namespace sinew::rig
