@@ -322,6 +322,43 @@ def test_motion_along_the_ground_goes_to_the_root_or_away(rig, motion):
         assert np.abs(found - wanted).max() < 1e-5
 
 
+@pytest.mark.parametrize("error", (0.1, 0.01))
+def test_keys_are_left_out_within_an_error(rig, error):
+    make_action(rig, "long", (1, 23, 30, 61), seed=5, scale=True)
+    play(rig, bpy.data.actions["long"])
+    whole, report = bake(rig, actions="long"), run(rig, actions="long", key_error=error)
+    few = bpy.data.objects[report.armature]
+    every, left = (
+        sum(len(numbers) for (_, index), numbers in keys_of(tracks(each)["long"]).items() if index == 0)
+        for each in (whole, few)
+    )
+    assert report.kept == pytest.approx(left / every) and report.kept < 0.9
+    assert tuple(tracks(few)["long"].frame_range) == (1, 61)
+    for each in (whole, few):
+        play(each, tracks(each)["long"])
+    places = [corners(each, range(1, 62)) for each in (whole, few)]
+    worst = np.linalg.norm(places[1] - places[0], axis=-1).max()
+    assert 0.2 * error < worst <= error + 1e-5
+    assert report.largest == pytest.approx(worst, abs=1e-4) and report.sheared == {}
+    assert f"{report.kept:.0%} of the keyframes, off by" in report.sentence()
+    before = keys_of(tracks(few)["long"])
+    run(rig, actions="long", key_error=error, target=few.name)
+    assert keys_of(tracks(few)["long"]) == before
+
+
+def corners(ob, frames):
+    """(F, J, 4, 3): the heads of bones, and points one length along their axes, in the armature's space."""
+    lengths = np.array([bone.length for bone in ob.data.bones])
+    found = []
+    for frame in frames:
+        bpy.context.scene.frame_set(frame)
+        bones = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).pose.bones
+        found.append([bone.matrix.copy() for bone in bones])
+    matrices = np.array(found)
+    points = np.concatenate((np.zeros((1, 3)), np.eye(3)))[None] * lengths[:, None, None]
+    return np.einsum("fjab,jpb->fjpa", matrices[..., :3, :3], points) + matrices[..., None, :3, 3]
+
+
 def test_where_only_roots_move_the_others_rotate(rig):
     report = run(rig, roots_alone_move=True)
     skeleton = bpy.data.objects[report.armature]
@@ -547,6 +584,13 @@ def test_the_command_bakes_the_scene_without_actions(sinew, blend):
     assert "Rig: 7 bones, 1 action, 4 frames; exact" in out and "Tube_baked" not in bpy.data.objects
 
 
+def test_the_command_leaves_out_keys(sinew, blend):
+    words = ("bake-to-bones", blend, "--exact", "--all-actions", "--json", "--key-error", "0.02")
+    code, out, err = sinew(*words)
+    document = json.loads(out.splitlines()[-1])
+    assert code == 0 and document["kept"] < 0.9 and 1e-3 < document["largest"] <= 0.02 + 1e-5, err
+
+
 def test_the_command_has_root_motion(sinew, blend):
     code, _out, err = sinew("bake-to-bones", blend, "--exact", "--all-actions", "--root-motion", "in-place", "--flat")
     assert code == 0, err
@@ -565,6 +609,7 @@ def test_the_command_has_root_motion(sinew, blend):
         (["--exact", "--objects", "Nobody"], 1, "there is no object Nobody"),
         (["--exact", "--armature", "Nobody"], 1, "there is no armature Nobody"),
         (["--exact", "--only-roots-move", "--all-actions", "--max-error", "1e-3"], 1, "that is more than 0.001"),
+        (["--exact", "--key-error", "0"], 2, "0 is not a number above 0"),
         (["--exact", "--gltf", "x.obj"], 1, "does not end in .glb or .gltf"),
         (["--exact", "--names", "nowhere.txt"], 2, "cannot be read as names of bones"),
     ),

@@ -113,35 +113,30 @@ def insert_keys(
     keys: Keys,
     frames: Sequence[int],
     created: list[Any],
-    scaled: np.ndarray | None = None,
-    moving: np.ndarray | None = None,
-    keyed: np.ndarray | None = None,
+    used: Sequence[np.ndarray] | None = None,
+    kept: Sequence[np.ndarray] | None = None,
 ) -> bpy.types.Action:
-    """Makes an action with these keys, has the armature play it, and returns it. created: gets what was made. (J,)
-    bools, by default one answer for all: scaled: which bones get keys of their scale, by default all if any scales;
-    moving: of their location; keyed: which get any."""
+    """Makes an action with these keys, has the armature play it, and returns it. created: gets what was made. used:
+    which bones get keys of their location, rotation and scale, (J,) bools each; None: all, and scale if any bone
+    scales. kept: on which frames, (F, J) bools each; None: on all."""
     action = bpy.data.actions.new(name)
     created.append(action)
     (armature.animation_data or armature.animation_data_create()).action = action
-    everywhere = np.ones(len(armature.pose.bones), bool)
-    scaled = everywhere * keys.has_scales if scaled is None else scaled
-    moving = everywhere if moving is None else moving
-    channels = (
-        ("location", keys.locations, moving),
-        ("rotation_quaternion", keys.rotations, everywhere),
-        ("scale", keys.scales, scaled),
-    )
+    if used is None:
+        used = [np.full(len(armature.pose.bones), is_used) for is_used in (True, True, keys.has_scales)]
     numbers = np.array(frames, np.float32)
-    for j in np.flatnonzero(everywhere if keyed is None else keyed):
-        bone = armature.pose.bones[int(j)]
+    values = (keys.locations, keys.rotations, keys.scales)
+    for j in np.flatnonzero(np.any(used, axis=0)).tolist():
+        bone = armature.pose.bones[j]
         bone.rotation_mode = "QUATERNION"
-        for channel, values, is_used in channels:
-            if not is_used[j]:
+        for number, channel in enumerate(("location", "rotation_quaternion", "scale")):
+            if not used[number][j]:
                 continue
             path = bone.path_from_id(channel)
-            for component in range(values.shape[2]):
+            on = slice(None) if kept is None else kept[number][:, j]
+            for component in range(values[number].shape[2]):
                 curve = clip_keyframes.new_curve(armature, action, path, component, bone.name)
-                clip_keyframes.fill(curve, numbers, values[:, j, component])
+                clip_keyframes.fill(curve, numbers[on], values[number][on, j, component])
     return action
 
 
