@@ -18,7 +18,7 @@ SMALLEST_ANGLE = 1e-4  # between two keyframes, in radians, below which a line a
 class Kept:
     """Which keyframes stay, of each channel of each bone: (F, J) bools. The first and the last always do."""
 
-    channels: tuple[np.ndarray, np.ndarray, np.ndarray]  # of location, rotation and scale
+    channels: tuple[np.ndarray, ...]  # of location, rotation and scale
 
 
 def reduce(joints: Joints, keys: Keys, times: np.ndarray, error: float) -> tuple[Kept, np.ndarray]:
@@ -40,13 +40,13 @@ def reduce(joints: Joints, keys: Keys, times: np.ndarray, error: float) -> tuple
     allowed = np.full(kept[0].shape, 0.5 * error)
     above = _above(joints.parents)
     for number in range(ROUNDS):
-        for each, own, lever, off in zip(values, kept, levers, (_far, _turned, _far)):
-            _keep_more(each, own, times, allowed / lever, off)
+        for each, own, lever, measure in zip(values, kept, levers, (_far, _turned, _far)):
+            _keep_more(each, own, times, allowed / lever, measure)
         drawn = [_between(each, own, times) for each, own in zip(values, kept)]
         on_sphere = _between_on_sphere(values[1], kept[1], times)
         worlds = [_world(joints, drawn[0], rotations, drawn[2]) for rotations in (drawn[1], on_sphere)]
         off = np.maximum(*(distances(world, wanted, joints) for world in worlds))
-        is_far = (off > error).astype(np.float32) @ above > 0
+        is_far = np.greater(off, error).astype(np.float32) @ above > 0
         if not is_far.any():
             break
         allowed[is_far] *= 0.5 if number < ROUNDS - 2 else 0.0
@@ -91,14 +91,14 @@ def _above(parents):
     return found
 
 
-def _keep_more(values, kept, times, limits, off):
+def _keep_more(values, kept, times, limits, measure):
     """Keeps more keyframes, in place, until lines between them are nowhere further off than the limits (F, J)."""
     joints = np.arange(values.shape[1])
     while len(joints):
         own = kept[:, joints]
-        errors = off(_between(values[:, joints], own, times), values[:, joints])
-        if off is _turned:
-            errors = np.maximum(errors, off(_between_on_sphere(values[:, joints], own, times), values[:, joints]))
+        errors = measure(_between(values[:, joints], own, times), values[:, joints])
+        if measure is _turned:
+            errors = np.maximum(errors, measure(_between_on_sphere(values[:, joints], own, times), values[:, joints]))
         over = (errors > limits[:, joints]) & ~own
         starts = np.flatnonzero(own.T)  # of the stretches between keyframes, one joint after the other
         worst = np.maximum.reduceat(np.where(over, errors, 0).T.reshape(-1), starts)
