@@ -159,7 +159,7 @@ def _keys(context, rig, skeleton, made, places, roots, own, settings):
 
 def _off(played, motions, joints):
     """Returns (J,): how far bones are from their places."""
-    return joint_motions.distances(played @ joints.rest, motions @ joints.rest, joints).max(axis=0)
+    return joint_motions.distances(played, motions, joints.rest @ joint_motions.points_of(joints)).max(axis=0)
 
 
 def _size(joints):
@@ -204,18 +204,24 @@ def _share_kept(clips, used):
 def _write(armature, clips, roots, places, settings, created):
     """Yields progress, and returns a _Written of each clip."""
     used = _used(clips, roots, places, settings)
+    of_length: dict[int, bpy.types.Action] = {}  # an action with so many frames
     found = []
     for number, clip in enumerate(clips):
         yield COMPUTING + (1 - COMPUTING) * number / len(clips), f"writing {clip.name}"
         wanted = f"{clip.name}_bones" if clip.name else f"{armature.name}_clip"
-        action = writing.insert_keys(
-            armature, wanted, clip.keys, clip.frames, created, used, clip.kept.channels if clip.kept else None
-        )
-        if clip.source is not None and clip.source.action.use_frame_range:
-            for name in ("use_frame_range", "frame_start", "frame_end", "use_cyclic"):
-                setattr(action, name, getattr(clip.source.action, name))
+        given = armature, wanted, clip.keys, clip.frames, created, used
+        like = of_length.get(len(clip.frames))
+        if clip.kept is None and like is not None:
+            action = writing.insert_other_keys(*given, like)
+        else:
+            action = writing.insert_keys(*given, clip.kept.channels if clip.kept else None)
+            of_length[len(clip.frames)] = action
         baked = Baked(clip.name, wanted, clip.frames[0], clip.frames[-1], len(clip.frames))
         found.append(_Written(clip.name, action, wanted, baked))
+    for clip, each in zip(clips, found):  # not before, or copies would have them, too
+        if clip.source is not None and clip.source.action.use_frame_range:
+            for name in ("use_frame_range", "frame_start", "frame_end", "use_cyclic"):
+                setattr(each.action, name, getattr(clip.source.action, name))
     return found
 
 

@@ -53,13 +53,16 @@ def keys_of(
     return Keys(locations, rotations, scales), played @ np.linalg.inv(joints.rest)
 
 
-def distances(poses: np.ndarray, others: np.ndarray, joints: Joints) -> np.ndarray:
-    """Returns (F, J): how far apart each joint's head, and points one bone's length along its axes, are in poses and
-    others (F, J, 4, 4) in the space of the armature, the largest of these."""
+def points_of(joints: Joints) -> np.ndarray:
+    """Returns (J, 4, 4): points one length along a bone's axes, and its head, as columns, in its own space."""
     points = np.eye(4)
     points[3] = 1
-    points = points * np.stack((*3 * [joints.lengths], np.ones(len(joints.lengths))), axis=1)[:, :, None]
-    return np.linalg.norm(((poses - others) @ points)[:, :, :3], axis=2).max(axis=2, initial=0)
+    return points * np.stack((*3 * [joints.lengths], np.ones(len(joints.lengths))), axis=1)[:, :, None]
+
+
+def distances(motions: np.ndarray, others: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Returns (F, J): how far apart two motions (F, J, 4, 4) move the points (J, 4, 4) of a joint at most."""
+    return np.linalg.norm(((motions - others) @ points)[:, :, :3], axis=2).max(axis=2, initial=0)
 
 
 def skeleton_of(joints: Joints) -> Any:

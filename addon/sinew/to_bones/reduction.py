@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..native import sinew_native
-from .joints import Joints, Keys, distances, skeleton_of
+from .joints import Joints, Keys, distances, points_of, skeleton_of
 
 ROUNDS = 16  # after so many, all keyframes stay where a bone is too far off
 SMALLEST_ANGLE = 1e-4  # between two keyframes, in radians, below which a line and the sphere are one
@@ -33,6 +33,7 @@ def reduce(joints: Joints, keys: Keys, times: np.ndarray, error: float) -> tuple
     values = [np.asarray(each, np.float64) for each in (keys.locations, keys.rotations, keys.scales)]
     times = np.asarray(times, np.float64)
     wanted = _world(joints, *values)
+    points = points_of(joints)
     levers = _levers(joints, wanted)
     kept = [np.zeros(each.shape[:2], bool) for each in values]
     for each in kept:
@@ -45,7 +46,7 @@ def reduce(joints: Joints, keys: Keys, times: np.ndarray, error: float) -> tuple
         drawn = [_between(each, own, times) for each, own in zip(values, kept)]
         on_sphere = _between_on_sphere(values[1], kept[1], times)
         worlds = [_world(joints, drawn[0], rotations, drawn[2]) for rotations in (drawn[1], on_sphere)]
-        off = np.maximum(*(distances(world, wanted, joints) for world in worlds))
+        off = np.maximum(*(distances(world, wanted, points) for world in worlds))
         is_far = np.greater(off, error).astype(np.float32) @ above > 0
         if not is_far.any():
             break
