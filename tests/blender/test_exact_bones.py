@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -11,8 +12,17 @@ from mathutils import Euler
 from characters import drive, make_armature, make_mesh
 from exporting import enable_exporters, skip_without
 from helpers import addon_module, data_counts, diagonal, evaluated, needs_rig_programs, select
+from skinned_files import Y_UP_TO_Z_UP, SkinnedFile
 
 EXACT = 1e-6  # of the size
+SHAPE = 1e-5  # of the diagonal: assimp writes six digits
+FBX = {
+    "use_selection": True,
+    "add_leaf_bones": False,
+    "bake_anim_use_all_actions": True,
+    "bake_anim_use_nla_strips": False,
+    "bake_anim_simplify_factor": 0.0,
+}
 SIZE = 5.0  # of the rig
 
 
@@ -532,6 +542,36 @@ def test_names_of_an_engine(rig, tmp_path):
     assert np.abs(evaluated(bpy.data.objects["Tube_baked"]) - evaluated(body)).max() < 1e-5 * SIZE
 
 
+NAMES = Path(__file__).resolve().parents[2] / "docs" / "bone-names"
+# Without which Unity makes no avatar.
+REQUIRED = {"Hips", "Spine", "Head"} | {
+    f"{side}{name}"
+    for side in ("Left", "Right")
+    for name in ("UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot")
+}
+
+
+def test_names_for_rigifys_human(fresh_scene):
+    bpy.ops.preferences.addon_enable(module="rigify")
+    bpy.ops.object.armature_human_metarig_add()
+    bpy.ops.pose.rigify_generate()
+    human = bpy.context.active_object
+    bpy.ops.object.mode_set(mode="OBJECT")
+    parents = {}
+    for engine in ("unreal", "unity"):
+        path = NAMES / f"rigify-to-{engine}.txt"
+        names = addon_module("to_bones.bone_names").read_names(str(path))
+        assert names.keys() <= {bone.name for bone in human.data.bones if bone.use_deform}
+        skeleton = bake(human, names=str(path), all_actions=False, frame_start=1, frame_end=1, root="root")
+        parents[engine] = {bone.name: bone.parent and bone.parent.name for bone in skeleton.data.bones}
+        assert set(names.values()) <= parents[engine].keys()
+    assert parents["unity"].keys() >= REQUIRED
+    unity = [parents["unity"][each] for each in ("Hips", "Chest", "LeftHand", "RightIndexDistal")]
+    assert unity == ["root", "Spine", "DEF-forearm.L.001", "RightIndexIntermediate"]
+    unreal = [parents["unreal"][each] for each in ("pelvis", "spine_01", "calf_l", "ball_r", "index_02_l")]
+    assert unreal == ["root", "pelvis", "thigh_twist_01_l", "foot_r", "index_01_l"]
+
+
 @pytest.mark.parametrize(
     "text, said",
     (
@@ -645,6 +685,55 @@ def test_gltf_has_each_action_under_its_name_with_the_poses_of_the_rig(sinew, bl
         action = next(each for each in bpy.data.actions if each.name.startswith(name))
         play(skeleton, action)
         found = positions(skeleton, wanted_frames(name), list(wanted_names(skeleton)))
+        assert np.abs(found - places).max() < 1e-5 * SIZE, name
+
+
+def test_gltf_read_by_assimp_has_the_shape_of_the_rig_in_each_action(rig, tmp_path):
+    """The meshes by the file's own joints, weights and clips."""
+    enable_exporters()
+    skip_without("export_scene.gltf")
+    body, path = make_mesh(rig, False), tmp_path / "game.glb"
+    bake(rig, gltf=str(path))
+    assert sorted(SkinnedFile(path, "walk").clips) == ["jump", "walk"]
+    for name in ("jump", "walk"):
+        file, frames = SkinnedFile(path, name), wanted_frames(name)
+        rate = bpy.context.scene.render.fps
+        assert file.seconds[1] - file.seconds[0] == pytest.approx((len(frames) - 1) / rate, rel=1e-4)
+        places = file.rest @ Y_UP_TO_Z_UP.T
+        own = addon_module("blender.meshes").read_positions(body.data)
+        nearest = np.array([np.linalg.norm(own - place, axis=1).argmin() for place in places])
+        play(rig, bpy.data.actions[name])
+        at_rest(rig)
+        for number, frame in enumerate(frames):
+            bpy.context.scene.frame_set(frame)
+            shown = evaluated(body)[nearest]
+            off_by = np.abs(file.posed(file.seconds[0] + number / rate) - shown).max()
+            assert off_by < SHAPE * diagonal(shown), (name, frame)
+
+
+def test_fbx_has_each_action_with_the_poses_of_the_rig(rig, tmp_path):
+    enable_exporters()
+    skip_without("export_scene.fbx", "import_scene.fbx")
+    path = tmp_path / "game.fbx"
+    skeleton = bake(rig)
+    select(skeleton)
+    bpy.ops.export_scene.fbx(filepath=str(path), **FBX)
+    wanted = {}
+    for name in ("jump", "walk"):
+        play(rig, bpy.data.actions[name])
+        at_rest(rig)
+        wanted[name] = positions(rig, wanted_frames(name))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    enable_exporters()
+    bpy.ops.import_scene.fbx(filepath=str(path), anim_offset=0.0)
+    skeleton = next(ob for ob in bpy.data.objects if ob.type == "ARMATURE")
+    for name, places in wanted.items():
+        action = next(each for each in bpy.data.actions if each.name.endswith(f"{name}_bones"))
+        frames = wanted_frames(name)
+        assert action.frame_range[1] - action.frame_range[0] == pytest.approx(len(frames) - 1, abs=1e-3)
+        play(skeleton, action)
+        first = round(action.frame_range[0])
+        found = positions(skeleton, range(first, first + len(frames)))
         assert np.abs(found - places).max() < 1e-5 * SIZE, name
 
 
