@@ -2,9 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cctype>
 #include <limits>
 #include <numbers>
 #include <random>
+#include <sstream>
 
 #include "failures.h"
 #include "files.h"
