@@ -45,7 +45,7 @@ nav input {{ flex: 1; font: inherit; padding: 0.2em 0.5em; }}
 
 def pages(docs):
     """Returns {file name: bytes}: a page for each .md file of the folder, the pictures that the pages show, what their
-    search needs, and job descriptions for render farms. index.html is README.html."""
+    search needs, job descriptions for render farms, and names of bones. index.html is README.html."""
     files, index = {}, []
     for path in sorted(docs.glob("*.md")):
         text = path.read_text(encoding="utf-8")
@@ -61,7 +61,8 @@ def pages(docs):
     files["index.html"] = files["README.html"]
     files["search.js"] = (HERE / "search.js").read_bytes()
     files["search_index.js"] = f"const INDEX = {json.dumps(index, ensure_ascii=False)};\n".encode()
-    return files | {f"farm/{path.name}": path.read_bytes() for path in (docs / "farm").iterdir()}
+    beside = (path for folder in ("bone-names", "farm") for path in sorted((docs / folder).iterdir()))
+    return files | {path.relative_to(docs).as_posix(): path.read_bytes() for path in beside}
 
 
 def sections(page, title, body):

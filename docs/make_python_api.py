@@ -20,7 +20,8 @@ INTERFACE = PAGE.parents[1] / "native" / "bindings" / "sinew_native.pyi"
 STUB = INTERFACE.read_text(encoding="utf-8")
 WIDTH = 120
 GROUPS = {
-    "Files": "RigSkeleton Rig read_dmat write_dmat read_skeleton write_skeleton read_rig write_rig",
+    "Files": "RigSkeleton Rig read_dmat write_dmat read_skeleton write_skeleton read_rig write_rig "
+    "BvhClip read_bvh write_bvh",
     "Skeleton and poses": "Skeleton PoseClip forward_kinematics skinning_matrices local_transforms rotation_transforms",
     "Skinning": "Skin group_influences skin_linear skin_dual_quaternion skin_all Bends HalfTurn Layer ShapeKeys "
     "Deformer",

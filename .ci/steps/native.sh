@@ -73,7 +73,7 @@ fuzz() {
   configure_and_build "$folder" -DCMAKE_CXX_COMPILER=clang++ -DSINEW_PYTHON=OFF -DSINEW_TESTS=OFF -DSINEW_FUZZ=ON \
     -DSINEW_SANITIZE=address,undefined,fuzzer-no-link -DCMAKE_CXX_FLAGS_RELEASE="-O1 -g1" \
     "$ONE_INSTRUCTION_SET" || return 1
-  printf '%s\n' dmat obj rig rig_file rig_program skeleton skin weights weight_tools | xargs -P 2 -I{} tests/fuzz/run.sh "$folder" {} "$seconds"
+  printf '%s\n' bvh dmat obj rig rig_file rig_program skeleton skin weights weight_tools | xargs -P 2 -I{} tests/fuzz/run.sh "$folder" {} "$seconds"
 }
 
 # [clang|windows|aarch64]...: without a name all

@@ -20,6 +20,7 @@ void bind_skinning(pybind11::module_& module);
 void bind_stages(pybind11::module_& module);
 void bind_stencils(pybind11::module_& module);
 void bind_automatic_weights(pybind11::module_& module);
+void bind_bvh(pybind11::module_& module);
 void bind_cages(pybind11::module_& module);
 void bind_deformer(pybind11::module_& module);
 void bind_decompose(pybind11::module_& module);
@@ -86,6 +87,7 @@ PYBIND11_MODULE(sinew_native, module) {
   module.attr("__version__") = SINEW_VERSION;
   sinew::bindings::bind_skeleton(module);
   sinew::bindings::bind_files(module);
+  sinew::bindings::bind_bvh(module);
   sinew::bindings::bind_host(module);
   sinew::bindings::bind_skinning(module);
   sinew::bindings::bind_method_data(module);

@@ -36,6 +36,7 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
   set(copying ${target}_copying)
   add_library(${copying} OBJECT
     bindings/bind_automatic_weights.cpp
+    bindings/bind_bvh.cpp
     bindings/bind_cages.cpp
     bindings/bind_decompose.cpp
     bindings/bind_deformer.cpp

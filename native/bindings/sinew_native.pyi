@@ -123,6 +123,57 @@ class PoseClip:
         Raises ValueError for a time that is not finite.
         """
 
+class BvhClip:
+    """F frames of J joints as a .bvh file has them: without rest rotations and scales. Immutable."""
+
+    def __init__(
+        self,
+        names: list[str],
+        parents: _Integers,
+        offsets: _Reals,
+        frame_time: float,
+        locations: _Reals,
+        rotations: _Reals,
+        ends: _Reals | None = None,
+    ) -> None:
+        """names: J names.
+        parents: (J,) integers, each joint's parent, -1 for a root.
+        offsets: (J, 3), at rest: where each joint is relative to its parent, or to the world for a root.
+        frame_time: seconds from one frame to the next.
+        locations: (F, J, 3), on top of the offset, relative to the parent.
+        rotations: (F, J, 4), quaternions w x y z, relative to the parent; they are normalized.
+        ends: (J, 3), at rest: where the bone of a joint without children ends, relative to the joint; all 0 if None.
+        Raises ValueError if the parts do not fit each other, for a cycle, for no frame, and for a number that is not
+        finite.
+        """
+    @property
+    def names(self) -> list[str]:
+        """J names."""
+    @property
+    def skeleton(self) -> Skeleton:
+        """The Skeleton, whose rest transforms are translations."""
+    @property
+    def offsets(self) -> _Float64:
+        """(J, 3) float64, read-only, at rest: where each joint is relative to its parent."""
+    @property
+    def ends(self) -> _Float64:
+        """(J, 3) float64, read-only, at rest: where the bone of a joint without children ends, relative to it."""
+    @property
+    def frame_time(self) -> float:
+        """Seconds from one frame to the next."""
+    @property
+    def frame_count(self) -> int:
+        """F."""
+    @property
+    def locations(self) -> _Float64:
+        """(F, J, 3) float64, read-only: on top of the offset, relative to the parent."""
+    @property
+    def rotations(self) -> _Float64:
+        """(F, J, 4) float64, w x y z, unit length. A copy."""
+    @property
+    def local(self) -> _Float64:
+        """(F, J, 4, 4) float64: T(j), as forward_kinematics takes them. A copy."""
+
 class Rig:
     """Mesh, skeleton, weights and poses that belong together."""
 
@@ -1131,6 +1182,19 @@ def write_rig(folder: _Path, rig: Rig, *, skeleton: _Path = "skeleton.bf") -> No
 
     skeleton: the name of its file, ending in .bf or .tgf.
     Raises ValueError if the format cannot hold the skeleton or a file cannot be written.
+    """
+
+def read_bvh(path: _Path) -> BvhClip:
+    """Reads a .bvh file as a BvhClip. Axes and units are the file's. Raises ValueError, naming file and line, for what
+    cannot be read.
+    """
+
+def write_bvh(path: _Path, clip: BvhClip) -> None:
+    """Writes a .bvh file that read_bvh reads back as the same motion, to rounding, with joints in depth-first order.
+    Roots, and joints that have a location, get position channels.
+
+    clip: a BvhClip.
+    Raises ValueError for a name that the format cannot hold, and if the file cannot be written.
     """
 
 def colours_apart(

@@ -13,7 +13,7 @@ def operator(name):
 
 def enable_exporters():
     """Enables those that Blender brings as add-ons."""
-    for name in ("io_scene_gltf2", "io_scene_fbx"):
+    for name in ("io_scene_gltf2", "io_scene_fbx", "io_anim_bvh"):
         if any(module.__name__ == name for module in addon_utils.modules()):
             bpy.ops.preferences.addon_enable(module=name)
 

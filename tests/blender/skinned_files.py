@@ -13,12 +13,12 @@ Y_UP_TO_Z_UP = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float)
 
 
 class SkinnedFile:
-    """The meshes of a file as one, in the space of its scene, with its one clip.
+    """The meshes of a file as one, in the space of its scene, with its one clip, or one of that name.
 
     rest: (N, 3), vertices as they are stored; counts: (N,), influences of each; joints: names; seconds: (first, last)
     of the clip."""
 
-    def __init__(self, path):
+    def __init__(self, path, clip=None):
         if shutil.which("assimp") is None:
             pytest.skip("assimp is not there (Debian: assimp-utils)")
         if path.suffix == ".fbx" and version() == "5.4":
@@ -32,7 +32,8 @@ class SkinnedFile:
         self._nodes = {}  # name -> (name of its parent, matrix)
         self._mesh_nodes = {}
         self._read_nodes(scene["rootnode"], None)
-        (animation,) = scene["animations"]
+        self.clips = [each["name"] for each in scene["animations"]]
+        (animation,) = (each for each in scene["animations"] if clip in (None, each["name"]))
         self._rate = animation["tickspersecond"]
         self._channels = {each["name"]: each for each in animation["channels"]}
         times = [key[0] for each in animation["channels"] for key in each["rotationkeys"]]

@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -11,8 +12,17 @@ from mathutils import Euler
 from characters import drive, make_armature, make_mesh
 from exporting import enable_exporters, skip_without
 from helpers import addon_module, data_counts, diagonal, evaluated, needs_rig_programs, select
+from skinned_files import Y_UP_TO_Z_UP, SkinnedFile
 
 EXACT = 1e-6  # of the size
+SHAPE = 1e-5  # of the diagonal: assimp writes six digits
+FBX = {
+    "use_selection": True,
+    "add_leaf_bones": False,
+    "bake_anim_use_all_actions": True,
+    "bake_anim_use_nla_strips": False,
+    "bake_anim_simplify_factor": 0.0,
+}
 SIZE = 5.0  # of the rig
 
 
@@ -322,6 +332,43 @@ def test_motion_along_the_ground_goes_to_the_root_or_away(rig, motion):
         assert np.abs(found - wanted).max() < 1e-5
 
 
+@pytest.mark.parametrize("error", (0.1, 0.01))
+def test_keys_are_left_out_within_an_error(rig, error):
+    make_action(rig, "long", (1, 23, 30, 61), seed=5, scale=True)
+    play(rig, bpy.data.actions["long"])
+    whole, report = bake(rig, actions="long"), run(rig, actions="long", key_error=error)
+    few = bpy.data.objects[report.armature]
+    every, left = (
+        sum(len(numbers) for (_, index), numbers in keys_of(tracks(each)["long"]).items() if index == 0)
+        for each in (whole, few)
+    )
+    assert report.kept == pytest.approx(left / every) and report.kept < 0.9
+    assert tuple(tracks(few)["long"].frame_range) == (1, 61)
+    for each in (whole, few):
+        play(each, tracks(each)["long"])
+    places = [corners(each, range(1, 62)) for each in (whole, few)]
+    worst = np.linalg.norm(places[1] - places[0], axis=-1).max()
+    assert 0.2 * error < worst <= error + 1e-5
+    assert report.largest == pytest.approx(worst, abs=1e-4) and report.sheared == {}
+    assert f"{report.kept:.0%} of the keyframes, off by" in report.sentence()
+    before = keys_of(tracks(few)["long"])
+    run(rig, actions="long", key_error=error, target=few.name)
+    assert keys_of(tracks(few)["long"]) == before
+
+
+def corners(ob, frames):
+    """(F, J, 4, 3): the heads of bones, and points one length along their axes, in the armature's space."""
+    lengths = np.array([bone.length for bone in ob.data.bones])
+    found = []
+    for frame in frames:
+        bpy.context.scene.frame_set(frame)
+        bones = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).pose.bones
+        found.append([bone.matrix.copy() for bone in bones])
+    matrices = np.array(found)
+    points = np.concatenate((np.zeros((1, 3)), np.eye(3)))[None] * lengths[:, None, None]
+    return np.einsum("fjab,jpb->fjpa", matrices[..., :3, :3], points) + matrices[..., None, :3, 3]
+
+
 def test_where_only_roots_move_the_others_rotate(rig):
     report = run(rig, roots_alone_move=True)
     skeleton = bpy.data.objects[report.armature]
@@ -495,6 +542,36 @@ def test_names_of_an_engine(rig, tmp_path):
     assert np.abs(evaluated(bpy.data.objects["Tube_baked"]) - evaluated(body)).max() < 1e-5 * SIZE
 
 
+NAMES = Path(__file__).resolve().parents[2] / "docs" / "bone-names"
+# Without which Unity makes no avatar.
+REQUIRED = {"Hips", "Spine", "Head"} | {
+    f"{side}{name}"
+    for side in ("Left", "Right")
+    for name in ("UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot")
+}
+
+
+def test_names_for_rigifys_human(fresh_scene):
+    bpy.ops.preferences.addon_enable(module="rigify")
+    bpy.ops.object.armature_human_metarig_add()
+    bpy.ops.pose.rigify_generate()
+    human = bpy.context.active_object
+    bpy.ops.object.mode_set(mode="OBJECT")
+    parents = {}
+    for engine in ("unreal", "unity"):
+        path = NAMES / f"rigify-to-{engine}.txt"
+        names = addon_module("to_bones.bone_names").read_names(str(path))
+        assert names.keys() <= {bone.name for bone in human.data.bones if bone.use_deform}
+        skeleton = bake(human, names=str(path), all_actions=False, frame_start=1, frame_end=1, root="root")
+        parents[engine] = {bone.name: bone.parent and bone.parent.name for bone in skeleton.data.bones}
+        assert set(names.values()) <= parents[engine].keys()
+    assert parents["unity"].keys() >= REQUIRED
+    unity = [parents["unity"][each] for each in ("Hips", "Chest", "LeftHand", "RightIndexDistal")]
+    assert unity == ["root", "Spine", "DEF-forearm.L.001", "RightIndexIntermediate"]
+    unreal = [parents["unreal"][each] for each in ("pelvis", "spine_01", "calf_l", "ball_r", "index_02_l")]
+    assert unreal == ["root", "pelvis", "thigh_twist_01_l", "foot_r", "index_01_l"]
+
+
 @pytest.mark.parametrize(
     "text, said",
     (
@@ -547,6 +624,13 @@ def test_the_command_bakes_the_scene_without_actions(sinew, blend):
     assert "Rig: 7 bones, 1 action, 4 frames; exact" in out and "Tube_baked" not in bpy.data.objects
 
 
+def test_the_command_leaves_out_keys(sinew, blend):
+    words = ("bake-to-bones", blend, "--exact", "--all-actions", "--json", "--key-error", "0.02")
+    code, out, err = sinew(*words)
+    document = json.loads(out.splitlines()[-1])
+    assert code == 0 and document["kept"] < 0.9 and 1e-3 < document["largest"] <= 0.02 + 1e-5, err
+
+
 def test_the_command_has_root_motion(sinew, blend):
     code, _out, err = sinew("bake-to-bones", blend, "--exact", "--all-actions", "--root-motion", "in-place", "--flat")
     assert code == 0, err
@@ -565,6 +649,7 @@ def test_the_command_has_root_motion(sinew, blend):
         (["--exact", "--objects", "Nobody"], 1, "there is no object Nobody"),
         (["--exact", "--armature", "Nobody"], 1, "there is no armature Nobody"),
         (["--exact", "--only-roots-move", "--all-actions", "--max-error", "1e-3"], 1, "that is more than 0.001"),
+        (["--exact", "--key-error", "0"], 2, "0 is not a number above 0"),
         (["--exact", "--gltf", "x.obj"], 1, "does not end in .glb or .gltf"),
         (["--exact", "--names", "nowhere.txt"], 2, "cannot be read as names of bones"),
     ),
@@ -600,6 +685,55 @@ def test_gltf_has_each_action_under_its_name_with_the_poses_of_the_rig(sinew, bl
         action = next(each for each in bpy.data.actions if each.name.startswith(name))
         play(skeleton, action)
         found = positions(skeleton, wanted_frames(name), list(wanted_names(skeleton)))
+        assert np.abs(found - places).max() < 1e-5 * SIZE, name
+
+
+def test_gltf_read_by_assimp_has_the_shape_of_the_rig_in_each_action(rig, tmp_path):
+    """The meshes by the file's own joints, weights and clips."""
+    enable_exporters()
+    skip_without("export_scene.gltf")
+    body, path = make_mesh(rig, False), tmp_path / "game.glb"
+    bake(rig, gltf=str(path))
+    assert sorted(SkinnedFile(path, "walk").clips) == ["jump", "walk"]
+    for name in ("jump", "walk"):
+        file, frames = SkinnedFile(path, name), wanted_frames(name)
+        rate = bpy.context.scene.render.fps
+        assert file.seconds[1] - file.seconds[0] == pytest.approx((len(frames) - 1) / rate, rel=1e-4)
+        places = file.rest @ Y_UP_TO_Z_UP.T
+        own = addon_module("blender.meshes").read_positions(body.data)
+        nearest = np.array([np.linalg.norm(own - place, axis=1).argmin() for place in places])
+        play(rig, bpy.data.actions[name])
+        at_rest(rig)
+        for number, frame in enumerate(frames):
+            bpy.context.scene.frame_set(frame)
+            shown = evaluated(body)[nearest]
+            off_by = np.abs(file.posed(file.seconds[0] + number / rate) - shown).max()
+            assert off_by < SHAPE * diagonal(shown), (name, frame)
+
+
+def test_fbx_has_each_action_with_the_poses_of_the_rig(rig, tmp_path):
+    enable_exporters()
+    skip_without("export_scene.fbx", "import_scene.fbx")
+    path = tmp_path / "game.fbx"
+    skeleton = bake(rig)
+    select(skeleton)
+    bpy.ops.export_scene.fbx(filepath=str(path), **FBX)
+    wanted = {}
+    for name in ("jump", "walk"):
+        play(rig, bpy.data.actions[name])
+        at_rest(rig)
+        wanted[name] = positions(rig, wanted_frames(name))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    enable_exporters()
+    bpy.ops.import_scene.fbx(filepath=str(path), anim_offset=0.0)
+    skeleton = next(ob for ob in bpy.data.objects if ob.type == "ARMATURE")
+    for name, places in wanted.items():
+        action = next(each for each in bpy.data.actions if each.name.endswith(f"{name}_bones"))
+        frames = wanted_frames(name)
+        assert action.frame_range[1] - action.frame_range[0] == pytest.approx(len(frames) - 1, abs=1e-3)
+        play(skeleton, action)
+        first = round(action.frame_range[0])
+        found = positions(skeleton, range(first, first + len(frames)))
         assert np.abs(found - places).max() < 1e-5 * SIZE, name
 
 

@@ -4,6 +4,7 @@
 #include "failures.h"
 #include "files.h"
 #include "memory.h"
+#include "sinew/bvh.h"
 #include "sinew/dmat.h"
 #include "sinew/rig.h"
 #include "sinew/rig_file.h"
@@ -24,6 +25,9 @@ std::string many_joints(int count) { return "0 -1 0 0 0\n" + repeated("-1 0 0 0 
   for (int j = 1; j <= count; ++j) text += std::to_string(j) + " 0 0 0\n";
   for (int j = 2; j <= count; ++j) edges += "1 " + std::to_string(j) + "\n";
   return text + edges;
+}
+[[maybe_unused]] std::string joints_without_channels(int count) {
+  return "HIERARCHY\n" + repeated("ROOT a{\nOFFSET 0 0 0 CHANNELS 0 }\n", count);
 }
 [[maybe_unused]] std::string many_materials(int count) {
   std::string text = "v 0 0 0\n";
@@ -55,6 +59,9 @@ TEST(Readers, MemoryIsInProportionToTheFile) {
     check("lists.json", "[" + repeated("[],", count) + "0]", rig);
     check("lists of one.json", "[" + repeated("[1],", count) + "0]", rig);
     check("values.json", "{\"values\":[" + repeated("{},", count) + "0]}", rig);
+    const auto bvh = [](const auto& path) { read_bvh(path); };
+    check("joints.bvh", joints_without_channels(count) + "MOTION\nFrames: 1\nFrame Time: 1\n", bvh);
+    check("frames.bvh", joints_without_channels(count) + "MOTION\nFrames: 2000000000\nFrame Time: 1\n", bvh);
     const auto obj = [](const auto& path) { read_obj(path); };
     check("vertices.obj", repeated("v 0 0 0\n", count), obj);
     check("faces.obj", "v 0 0 0\n" + repeated("f 1 1 1\n", count), obj);

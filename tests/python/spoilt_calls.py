@@ -172,7 +172,7 @@ def spoil(value, random, numbers):
         return spoilt_array(value, random)
     if isinstance(value, (list, tuple)) and random.random() < 0.4:
         own = list(value)
-        if own and random.random() < 0.5:
+        if own and (not numbers or random.random() < 0.5):  # spoilt twice, offsets never have the right length
             del own[random.integers(len(own))]
         elif own:
             own.append(own[random.integers(len(own))])
@@ -188,6 +188,8 @@ def more_calls(folder):
     rigs = {"rigs": [(program, FRAMES, np.array([0]), {"lamp": 2.0})] * 2, "fields": FIELDS}
     rig = sinew.Rig(**valid()["Rig.__init__"][1])
     sinew.write_rig(folder, rig)
+    clip = sinew.BvhClip(**valid()["BvhClip.__init__"][1])
+    sinew.write_bvh(folder / "own.bvh", clip)
     curve = {"path": 'pose.bones["Arm"].location', "index": 0, "keys": [0.0] * 11}
     known = sinew.RigProgram({"blender": 502, "bones": [BONE], "curves": [curve]})
     return {
@@ -210,6 +212,8 @@ def more_calls(folder):
         "read_dmat": (sinew.read_dmat, {"path": folder / "own.dmat"}),
         "read_skeleton": (sinew.read_skeleton, {"path": folder / "skeleton.bf", "convention": None}),
         "write_skeleton": (sinew.write_skeleton, {"path": folder / "own.bf", "skeleton": rig.skeleton}),
+        "write_bvh": (sinew.write_bvh, {"path": folder / "own.bvh", "clip": clip}),
+        "read_bvh": (sinew.read_bvh, {"path": folder / "own.bvh"}),
         "read_rig": (sinew.read_rig, {"folder": folder, "skeleton": "skeleton.bf"}),
         "write_rig": (sinew.write_rig, {"folder": folder, "rig": rig, "skeleton": "skeleton.bf"}),
         "Task.__init__": (lambda **given: sinew.Task(**given).result(), {"work": int}),

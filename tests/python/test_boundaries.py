@@ -77,6 +77,7 @@ PURE = {
     "run.mail",
     "to_bones.bone_names",
     "to_bones.joints",
+    "to_bones.reduction",
     "weights.bone_segments",
     "weights.pictures",
     "weights.pose_checks",

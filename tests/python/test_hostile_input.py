@@ -78,6 +78,11 @@ def valid():
             {"parents": np.array([-1, 0]), **ENDS, "weight_columns": np.array([0, 1])},
         ),
         "PoseClip.__init__": (sinew.PoseClip, {"rotations": np.tile(EYE[:1], (2, 2, 1))}),
+        "BvhClip.__init__": (
+            sinew.BvhClip,
+            {"names": ["a", "b"], "parents": np.array([-1, 0]), "offsets": POINTS[:2], "frame_time": 0.1}
+            | {"locations": POINTS[None, :2], "rotations": np.tile(EYE[:1], (1, 2, 1)), "ends": POINTS[2:]},
+        ),
         "Rig.__init__": (
             sinew.Rig,
             {**surface, "skeleton": rig, "weights": WEIGHTS, "animation": MATRICES, "face_materials": np.array([0, -1])}
@@ -274,6 +279,7 @@ OTHER_WORDS = {
     "world": ("result",),
     "out": ("result",),
     "heads": ("rest transform",),
+    "offsets": ("rest transform",),  # of a BvhClip
     "back": ("the matrix",),
     "poses": ("layer",),
     "vertex_count": ("no layers",),  # nor a count

@@ -154,6 +154,7 @@ def samples():
         "Skeleton": sinew.Skeleton(np.array([-1]), one),
         "RigSkeleton": skeleton,
         "PoseClip": poses,
+        "BvhClip": sinew.BvhClip(["a"], np.array([-1]), points, 0.1, points[None], np.ones((1, 1, 4))),
         "Rig": rig,
         "RigProgram": sinew.RigProgram({"blender": 502}),
         "RigRecordsAhead": sinew.RigRecordsAhead([], []),

@@ -105,22 +105,27 @@ def file_calls(tmp_path_factory):
     heads = np.random.default_rng(4).normal(size=(3000, 3))
     skeleton = sinew.RigSkeleton(np.arange(-1, 2999), heads, heads, np.maximum(-np.arange(3000), -1))
     rig = sinew.Rig(np.zeros((30000, 3)), np.array([0]), np.array([], int), skeleton, np.ones((30000, 1)))
-    dmat, bf, table = folder / "a.dmat", folder / "a.bf", np.zeros((1000, 100))
+    dmat, bf, bvh, table = folder / "a.dmat", folder / "a.bf", folder / "a.bvh", np.zeros((1000, 100))
+    names = [f"joint{j}" for j in range(3000)]
+    turns = np.tile([1.0, 0, 0, 0], (9, 3000, 1))
+    clip = sinew.BvhClip(names, np.arange(-1, 2999), heads, 0.04, np.tile(heads, (9, 1, 1)), turns)
     calls = {
         "write_dmat": lambda: sinew.write_dmat(dmat, table),
         "read_dmat": lambda: sinew.read_dmat(dmat),
         "write_skeleton": lambda: sinew.write_skeleton(bf, skeleton),
         "read_skeleton": lambda: sinew.read_skeleton(bf),
+        "write_bvh": lambda: sinew.write_bvh(bvh, clip),
+        "read_bvh": lambda: sinew.read_bvh(bvh),
         "write_rig": lambda: sinew.write_rig(folder, rig),
         "read_rig": lambda: sinew.read_rig(folder),
     }
-    for write in "write_dmat", "write_skeleton", "write_rig":
+    for write in "write_dmat", "write_skeleton", "write_bvh", "write_rig":
         calls[write]()
     return calls
 
 
 @pytest.mark.parametrize(
-    "name", ["write_dmat", "read_dmat", "write_skeleton", "read_skeleton", "write_rig", "read_rig"]
+    "name", [f"{act}_{kind}" for act in ("write", "read") for kind in ("dmat", "skeleton", "bvh", "rig")]
 )
 def test_files_are_read_and_written_without_the_gil(file_calls, name):
     assert_runs_beside(file_calls[name])

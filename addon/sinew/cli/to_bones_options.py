@@ -5,7 +5,7 @@ import os
 from typing import Any
 
 from ..to_bones.bone_names import read_names
-from .option_types import frames_by, identifier
+from .option_types import frames_by, identifier, positive_number
 
 
 def add_exact(command: argparse.ArgumentParser) -> None:
@@ -34,6 +34,12 @@ def add_exact(command: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--only-roots-move", dest="roots_alone_move", action="store_true", help="no bone with a parent has a location"
     )
+    group.add_argument(
+        "--key-error",
+        type=positive_number,
+        metavar="LENGTH",
+        help="leave out keyframes for which lines do, as long as no bone is further off than this on any frame",
+    )
     group.add_argument("--no-meshes", dest="copies_meshes", action="store_false", help="do not copy the meshes")
     group.add_argument(
         "--names", metavar="FILE", type=frames_by(read_names), help="other names for bones, a line NAME = NEW NAME each"
@@ -46,7 +52,11 @@ def add_exact(command: argparse.ArgumentParser) -> None:
 def given(options: argparse.Namespace) -> dict[str, Any]:
     """Returns those that were given, by name, without the rig and the file to write."""
     names = ("actions", "target", "root", "root_motion", "is_flat", "has_segments", "roots_alone_move")
-    found = {name: getattr(options, name) for name in (*names, "copies_meshes", "names") if hasattr(options, name)}
+    found = {
+        name: getattr(options, name)
+        for name in (*names, "copies_meshes", "names", "key_error")
+        if hasattr(options, name)
+    }
     if "root_motion" in found:
         found["root_motion"] = identifier(found["root_motion"])
     return found

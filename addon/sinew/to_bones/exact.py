@@ -15,7 +15,7 @@ from ..feedback import long_work
 from ..install import bind
 from ..plan import bindable
 from ..rig_files import rig_import, skin_export
-from . import conversion, game_skeleton, rig_actions, writing
+from . import conversion, game_skeleton, reduction, rig_actions, writing
 from . import joints as joint_motions
 from .exact_report import Baked, ExactReport
 from .joints import Keys
@@ -40,6 +40,7 @@ class ExactSettings:
     copies_meshes: bool = True
     target: str = ""  # an armature to be updated
     names: Mapping[str, str] = field(default_factory=dict)  # other names for bones
+    key_error: float = 0.0  # how far a bone may be off on a frame for fewer keyframes, in Blender's unit
 
 
 def chosen(context: Any) -> tuple[bpy.types.Object, list[bpy.types.Object]]:
@@ -85,7 +86,7 @@ def steps(
         made = game_skeleton.joints_of(armature)  # whose rest pose Blender has rounded
         places = game_skeleton.places_in(made, skeleton.joints.names, armature.name)
         roots = (made.parents < 0) | (made.parents == 0) & (has_root or settings.root != "")
-        clips, off, why = yield from _keys(context, rig, skeleton, made, places, roots, own, settings)
+        clips, off, largest, why = yield from _keys(context, rig, skeleton, made, places, roots, own, settings)
         written = yield from _write(armature, clips, roots, places, settings, created)
         copies = [] if target else _copy_meshes(context, rig, skeleton, armature, meshes, settings, created)
         _put_into_tracks(armature, written, kept[0][0] if kept and kept[0] else None)
@@ -106,7 +107,8 @@ def steps(
         bones=int((places >= 0).sum()),
         actions=tuple(each.baked for each in written),
         sheared={made.names[j]: float(off[j]) for j in np.argsort(-off) if is_off[j]},
-        largest=float(off.max()),
+        largest=largest,
+        kept=_share_kept(clips, _used(clips, roots, places, settings)),
         evaluated=why,
         seconds=perf_counter() - start,
     )
@@ -118,11 +120,14 @@ class _Clip:
     source: rig_actions.RigAction | None  # None: the scene
     frames: list[int]
     keys: Keys  # float32
+    kept: reduction.Kept | None  # None: all of them
 
 
 def _keys(context, rig, skeleton, made, places, roots, own, settings):
-    """Yields progress, and returns the clips, how far each bone is off (J,), and why the rig was evaluated. made: the
-    Joints of the armature; places: of each among the skeleton's."""
+    """Yields progress, and returns the clips, how far each bone is off with all keyframes (J,), how far any is with
+    those that are kept, and why the rig was evaluated. made: the Joints of the armature; places: of each among the
+    skeleton's."""
+    largest = 0.0
     poses, clips, off = Poses(context, rig, settings.has_segments), [], np.zeros(len(made.names))
     may_move = roots.tolist() if settings.roots_alone_move else None
     with ExitStack() as stack:
@@ -142,18 +147,19 @@ def _keys(context, rig, skeleton, made, places, roots, own, settings):
                 motions = game_skeleton.with_root_motion(motions, skeleton.joints, settings.root_motion == "IN_PLACE")
             motions = game_skeleton.moved_along(motions, places, made.parents)
             keys, played = joint_motions.keys_of(made, motions, frames, may_move)
-            off = np.where(places < 0, 0, np.maximum(off, _off(played, motions, made)))
-            clips.append(_Clip(name, each, frames, _as_float32(keys)))
-    return clips, off, poses.why
+            own = np.where(places < 0, 0, _off(played, motions, made))
+            off, keys, kept = np.maximum(off, own), _as_float32(keys), None
+            if settings.key_error > 0:
+                kept, played = reduction.reduce(made, keys, np.array(frames), settings.key_error)
+                own = np.where(places < 0, 0, _off(played, motions, made))
+            largest = max(largest, float(own.max()))
+            clips.append(_Clip(name, each, frames, keys, kept))
+    return clips, off, largest, poses.why
 
 
 def _off(played, motions, joints):
-    """Returns (J,): how far the heads of bones, and points one length along their axes, are from their places."""
-    points = joints.rest.copy()
-    points[:, :3, :3] *= joints.lengths[:, None, None]
-    points[:, :3, :3] += points[:, :3, 3:]
-    points[:, 3] = 1
-    return np.linalg.norm(((played - motions) @ points)[:, :, :3], axis=2).max(axis=(0, 2), initial=0)
+    """Returns (J,): how far bones are from their places."""
+    return joint_motions.distances(played, motions, joints.rest @ joint_motions.points_of(joints)).max(axis=0)
 
 
 def _size(joints):
@@ -176,22 +182,46 @@ class _Written:
     baked: Baked
 
 
+def _used(clips, roots, places, settings):
+    """Returns which bones get keyframes of their location, rotation and scale, (J,) bools."""
+    keyed = places >= 0
+    scaled = np.any([np.abs(clip.keys.scales - 1).max(axis=(0, 2)) > SCALES for clip in clips], axis=0)
+    return keyed & roots if settings.roots_alone_move else keyed, keyed, keyed & scaled
+
+
+def _share_kept(clips, used):
+    """Returns the share of the keyframes that is kept."""
+    every = sum(len(clip.frames) * int(np.sum(used)) for clip in clips)
+    left = sum(
+        sum(int(own[:, bones].sum()) for own, bones in zip(clip.kept.channels, used))
+        if clip.kept
+        else len(clip.frames) * int(np.sum(used))
+        for clip in clips
+    )
+    return left / every
+
+
 def _write(armature, clips, roots, places, settings, created):
     """Yields progress, and returns a _Written of each clip."""
-    scaled = np.any([np.abs(clip.keys.scales - 1).max(axis=(0, 2)) > SCALES for clip in clips], axis=0)
-    moving = roots if settings.roots_alone_move else None
+    used = _used(clips, roots, places, settings)
+    of_length: dict[int, bpy.types.Action] = {}  # an action with so many frames
     found = []
     for number, clip in enumerate(clips):
         yield COMPUTING + (1 - COMPUTING) * number / len(clips), f"writing {clip.name}"
         wanted = f"{clip.name}_bones" if clip.name else f"{armature.name}_clip"
-        action = writing.insert_keys(
-            armature, wanted, clip.keys, clip.frames, created, scaled=scaled, moving=moving, keyed=places >= 0
-        )
-        if clip.source is not None and clip.source.action.use_frame_range:
-            for name in ("use_frame_range", "frame_start", "frame_end", "use_cyclic"):
-                setattr(action, name, getattr(clip.source.action, name))
+        given = armature, wanted, clip.keys, clip.frames, created, used
+        like = of_length.get(len(clip.frames))
+        if clip.kept is None and like is not None:
+            action = writing.insert_other_keys(*given, like)
+        else:
+            action = writing.insert_keys(*given, clip.kept.channels if clip.kept else None)
+            of_length[len(clip.frames)] = action
         baked = Baked(clip.name, wanted, clip.frames[0], clip.frames[-1], len(clip.frames))
         found.append(_Written(clip.name, action, wanted, baked))
+    for clip, each in zip(clips, found):  # not before, or copies would have them, too
+        if clip.source is not None and clip.source.action.use_frame_range:
+            for name in ("use_frame_range", "frame_start", "frame_end", "use_cyclic"):
+                setattr(each.action, name, getattr(clip.source.action, name))
     return found
 
 

@@ -31,7 +31,8 @@ class ExactReport:
     bones: int
     actions: tuple[Baked, ...]
     sheared: dict[str, float]  # how far the bones are off that are, the worst first
-    largest: float  # of all bones
+    largest: float  # of all bones, with the keyframes that are kept
+    kept: float  # the share of the keyframes that is; 1: one on each frame
     evaluated: str  # why Blender evaluated the rig, which is slower; "": it was computed
     seconds: float
 
@@ -42,7 +43,9 @@ class ExactReport:
         names = list(self.sheared)
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         off = f"{', '.join(names[:SHOWN])}{more} cannot be keyed exactly, off by {length(self.largest)} at most"
-        parts = [f"{self.rig}: {', '.join(counts)}", off if names else "exact"]
+        reduced = f"{self.kept:.0%} of the keyframes, off by {length(self.largest)} at most"
+        parts = [f"{self.rig}: {', '.join(counts)}"]
+        parts += [off] * bool(names) + [reduced] * (self.kept < 1) or ["exact"]
         if self.evaluated:
             parts.append(f"Blender evaluated the rig, which is slower: {self.evaluated}")
         return "; ".join([*parts, f"{self.seconds:.1f} s"])

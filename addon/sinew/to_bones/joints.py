@@ -49,11 +49,24 @@ def keys_of(
     """
     poses = motions @ joints.rest
     _refuse_flat(joints, poses, frames)
-    locations, rotations, scales, played = sinew_native.local_transforms(_skeleton(joints), poses, may_move)
+    locations, rotations, scales, played = sinew_native.local_transforms(skeleton_of(joints), poses, may_move)
     return Keys(locations, rotations, scales), played @ np.linalg.inv(joints.rest)
 
 
-def _skeleton(joints: Joints) -> Any:
+def points_of(joints: Joints) -> np.ndarray:
+    """Returns (J, 4, 4): points one length along a bone's axes, and its head, as columns, in its own space."""
+    points = np.eye(4)
+    points[3] = 1
+    return points * np.stack((*3 * [joints.lengths], np.ones(len(joints.lengths))), axis=1)[:, :, None]
+
+
+def distances(motions: np.ndarray, others: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Returns (F, J): how far apart two motions (F, J, 4, 4) move the points (J, 4, 4) of a joint at most."""
+    return np.linalg.norm(((motions - others) @ points)[:, :, :3], axis=2).max(axis=2, initial=0)
+
+
+def skeleton_of(joints: Joints) -> Any:
+    """Returns a sinew_native.Skeleton."""
     rest, is_child = joints.rest.copy(), joints.parents >= 0
     rest[is_child] = np.linalg.solve(joints.rest[joints.parents[is_child]], rest[is_child])
     return sinew_native.Skeleton(joints.parents, rest)

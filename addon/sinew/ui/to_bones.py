@@ -97,6 +97,16 @@ class ToBonesSettings(OverFrames):
     copies_meshes: BoolProperty(
         name="Copy Meshes", description="Put copies of the meshes with their weights onto a new skeleton", default=True
     )
+    key_error: FloatProperty(
+        name="Key Error",
+        description="Leave out keyframes for which straight lines do, as long as no bone is further off than this on "
+        "any frame; 0: a keyframe on each frame",
+        default=0.0,
+        min=0.0,
+        soft_max=0.1,
+        precision=4,
+        subtype="DISTANCE",
+    )
     names: StringProperty(
         name="Names",
         description="Text file with other names for bones, a line NAME = NEW NAME each",
@@ -111,6 +121,7 @@ class ToBonesSettings(OverFrames):
             frames=self.frames(context.scene),
             actions=self.actions if self.all_actions else "",
             target=self.skeleton,
+            key_error=self.key_error,
             names=read_names(bpy.path.abspath(self.names)) if self.names else {},
             **{name: getattr(self, name) for name in EXACT_OPTIONS},
         )
@@ -184,7 +195,7 @@ class BakeToBones(available.Explains, ToBonesSettings, bpy.types.Operator):
         column.active = not self.skeleton
         for name in EXACT_OPTIONS:
             column.prop(self, name)
-        for name in ("names", "gltf"):
+        for name in ("key_error", "names", "gltf"):
             self.layout.prop(self, name)
 
     def execute(self, _context):

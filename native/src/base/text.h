@@ -77,6 +77,7 @@ class LineReader {
   }
 
   std::string name() const { return shown(path_.filename()); }
+  std::size_t byte_count() const { return bytes_.size(); }
 
  private:
   Path path_;
