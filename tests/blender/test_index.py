@@ -1,5 +1,5 @@
 """Indexes for Get Extensions, as ./dev release makes one: Blender installs from it the zip for its own system, updates
-it and removes it. So it does with the zips in which the modules are wheels. The index is in a folder, without a network.
+it and removes it. So it does with the zips in which the modules are wheels. The index is a folder, without a network.
 """
 
 import json
