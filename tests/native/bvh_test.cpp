@@ -170,10 +170,10 @@ TEST_F(BvhFile, SaysWhatIsWrongAndWhere) {
 }
 
 TEST(BvhClip, RefusesWhatDoesNotFit) {
-  using Points = std::vector<Eigen::Vector3d>;
-  const Points one(1, Eigen::Vector3d::Zero()), two(2, Eigen::Vector3d::Zero());
+  using HeadsOfJoints = std::vector<Eigen::Vector3d>;
+  const HeadsOfJoints one(1, Eigen::Vector3d::Zero()), two(2, Eigen::Vector3d::Zero());
   const std::vector<Eigen::Quaterniond> turn(1, Eigen::Quaterniond::Identity());
-  const auto refusal = [&](const Points& ends, double time, const Points& locations,
+  const auto refusal = [&](const HeadsOfJoints& ends, double time, const HeadsOfJoints& locations,
                            const std::vector<Eigen::Quaterniond>& rotations) {
     return complaint([&] { BvhClip(std::vector<std::int32_t>{-1}, one, ends, {"a"}, time, locations, rotations); });
   };
@@ -186,7 +186,7 @@ TEST(BvhClip, RefusesWhatDoesNotFit) {
             "there are 0 locations and 0 rotations for 1 joint; expected one per joint for each of at least one frame");
   EXPECT_EQ(refusal(one, 1, one, {Eigen::Quaterniond(0, 0, 0, 0)}),
             "the quaternion of joint 0 in frame 0 has length 0; expected 1");
-  const Points far(1, Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity()));
+  const HeadsOfJoints far(1, Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity()));
   EXPECT_EQ(refusal(one, 1, far, turn), "the location of joint 0 in frame 0 holds a number that is not finite");
   EXPECT_EQ(refusal(far, 1, one, turn), "the end of joint 0 holds a number that is not finite");
 }
