@@ -19,6 +19,8 @@ IS_WINDOWS = sys.platform == "win32"
 PROCESS = """
 import ctypes, importlib.util, os, signal, sys, threading
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
+if hasattr(signal, "SIGHUP"):
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # and what nohup starts, this
 sys.path.insert(0, sys.argv[3])
 spec = importlib.util.spec_from_file_location("crash_files", sys.argv[1])
 crash_files = importlib.util.module_from_spec(spec)
