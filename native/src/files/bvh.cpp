@@ -175,7 +175,7 @@ Vector3d angles_of(const Quaterniond& rotation) {
   const double z = std::atan2(m(1, 0), m(0, 0)), sine = std::sin(z), cosine = std::cos(z);
   // What is left after the turn about Z is exact also where Y is a right angle, and Z is any angle.
   const double x = std::atan2(sine * m(0, 2) - cosine * m(1, 2), cosine * m(1, 1) - sine * m(0, 1));
-  return kDegrees * Vector3d(x, std::atan2(-m(2, 0), std::hypot(m(0, 0), m(1, 0))), z);
+  return kDegrees * Vector3d(x, std::atan2(-m(2, 0), m.col(0).head<2>().norm()), z);
 }
 
 /// Of the same angles with whole turns added, those that are nearest to others.
