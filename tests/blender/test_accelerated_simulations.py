@@ -185,8 +185,8 @@ def fluid(ob):
 @pytest.mark.parametrize(
     ("simulate", "number", "reason"),
     (
-        (*REFUSED, "bind it with Sinew"),
-        (switched_off, OTHER, "bind it with Sinew"),
+        (*REFUSED, "accelerate it, too"),
+        (switched_off, OTHER, "accelerate it, too"),
         (particles, PROP, "begin anew on each frame"),
         (fluid, BODY, "between frames"),
     ),
