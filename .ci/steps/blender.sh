@@ -52,13 +52,12 @@ demo() {
 # With the zip that is installed. A walk that fails is cut down to the steps that matter. With --poison among the options,
 # Blender and the C library overwrite what they free, so that whoever still reads it is found out.
 walk_at_random() {
-  local option options=() command=("$BLENDER")
+  local option options=() command=("$BLENDER") freed=0 # what the C library writes over it; 0: nothing
   for option in "$@"; do
-    if [ "$option" = --poison ]; then command+=(--debug-memory); else options+=("$option"); fi
+    if [ "$option" = --poison ]; then freed=165 command+=(--debug-memory); else options+=("$option"); fi
   done
   say "a random walk in $("$BLENDER" --version | head -1)"
-  MALLOC_PERTURB_=$((${#command[@]} > 1 ? 165 : 0)) \
-    isolated $PYTHON tests/blender/walk/shrink.py "${options[@]}" -- "${command[@]}"
+  MALLOC_PERTURB_=$freed isolated $PYTHON tests/blender/walk/shrink.py "${options[@]}" -- "${command[@]}"
 }
 
 # [--blender VERSION] [--poison] [options of walk/shrink.py]

@@ -356,6 +356,15 @@ def test_keys_are_left_out_within_an_error(rig, error):
     assert keys_of(tracks(few)["long"]) == before
 
 
+def positions_in_actions(rig):
+    found = {}
+    for name in ("jump", "walk"):
+        play(rig, bpy.data.actions[name])
+        at_rest(rig)
+        found[name] = positions(rig, wanted_frames(name))
+    return found
+
+
 def corners(ob, frames):
     """(F, J, 4, 3): the heads of bones, and points one length along their axes, in the armature's space."""
     lengths = np.array([bone.length for bone in ob.data.bones])
@@ -672,12 +681,7 @@ def test_gltf_has_each_action_under_its_name_with_the_poses_of_the_rig(sinew, bl
         assert {document["accessors"][sampler["input"]]["count"] for sampler in each["samplers"]} == {
             len(wanted_frames(each["name"]))
         }, "as many keyframes as frames"
-    rig = bpy.data.objects["Rig"]
-    wanted = {}
-    for name in ("jump", "walk"):
-        play(rig, bpy.data.actions[name])
-        at_rest(rig)
-        wanted[name] = positions(rig, wanted_frames(name))
+    wanted = positions_in_actions(bpy.data.objects["Rig"])
     bpy.ops.wm.read_homefile(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=str(path))
     skeleton = next(ob for ob in bpy.data.objects if ob.type == "ARMATURE")
@@ -718,11 +722,7 @@ def test_fbx_has_each_action_with_the_poses_of_the_rig(rig, tmp_path):
     skeleton = bake(rig)
     select(skeleton)
     bpy.ops.export_scene.fbx(filepath=str(path), **FBX)
-    wanted = {}
-    for name in ("jump", "walk"):
-        play(rig, bpy.data.actions[name])
-        at_rest(rig)
-        wanted[name] = positions(rig, wanted_frames(name))
+    wanted = positions_in_actions(rig)
     bpy.ops.wm.read_homefile(use_empty=True)
     enable_exporters()
     bpy.ops.import_scene.fbx(filepath=str(path), anim_offset=0.0)

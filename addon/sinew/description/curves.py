@@ -6,9 +6,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import animation, values
+from ..blender import animation, spoken_paths, values
 from ..host import contract, features, keyframes
-from . import rna_paths, tables
+from . import tables
 
 KEY_NUMBERS = (
     11  # left handle, point, right handle (frame and value each), amplitude, period, back, interpolation, easing
@@ -53,7 +53,7 @@ def complete(row: dict[str, Any], curve: bpy.types.FCurve) -> dict[str, Any]:
     if "modifiers" in row:
         if not len(row["keys"]) and len(curve.sampled_points):
             raise Refused(
-                f"the curve of {rna_paths.spoken(curve.data_path)} holds samples instead of keys: convert it to keys"
+                f"the curve of {spoken_paths.spoken(curve.data_path)} holds samples instead of keys: convert it to keys"
             )
         if modifiers := modifiers_of(curve):
             row["modifiers"] = modifiers
@@ -102,9 +102,8 @@ def modifiers_of(curve: bpy.types.FCurve) -> list[dict[str, Any]]:
 
 def modifier_of(curve: bpy.types.FCurve, modifier: bpy.types.FModifier) -> dict[str, Any]:
     def refused(why: str) -> Refused:
-        where = (
-            f"the modifier {values.choice_name(modifier, 'type')} of the curve of {rna_paths.spoken(curve.data_path)}"
-        )
+        what = spoken_paths.spoken(curve.data_path)
+        where = f"the modifier {values.choice_name(modifier, 'type')} of the curve of {what}"
         return Refused(f"{where} {why}")
 
     if modifier.type not in _SETTINGS:

@@ -5,7 +5,8 @@ from typing import Any
 
 import bpy
 
-from . import curves, driver_rows, rna_paths, targets
+from ..blender import spoken_paths
+from . import curves, driver_rows, targets
 
 Keyed = tuple[bpy.types.Key, tuple[int, ...]]  # numbers of its keys
 
@@ -31,5 +32,5 @@ def rows_of(
             yield {"path": path, "type": "FLOAT", **limits, "value": [key.value]}, driver
         except curves.Refused as reason:
             found.refused.append(
-                f"the driver of {rna_paths.spoken(key.path_from_id('value'))} of {keys.name}: {reason}"
+                f"the driver of {spoken_paths.spoken(key.path_from_id('value'))} of {keys.name}: {reason}"
             )

@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation, values
+from ..blender import animation, spoken_paths, values
 from ..host import variables
 from . import curves, objects, rna_paths, strips, targets
 
@@ -48,7 +48,7 @@ class Outside:
             except ValueError:
                 value = None
             if not isinstance(value, int | float):
-                raise curves.Refused(f"it reads {rna_paths.spoken(path)} of {block.name}, which is no number")
+                raise curves.Refused(f"it reads {spoken_paths.spoken(path)} of {block.name}, which is no number")
             self.read[name] = (block, path)
         return name
 
@@ -101,7 +101,7 @@ def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -
                 elif is_wanted(ob, path, found):
                     yield driver_of(path, curve, row, read, found, outside)
             except curves.Refused as reason:
-                found.refused.append(f"the driver of {rna_paths.spoken(path)}: {reason}")
+                found.refused.append(f"the driver of {spoken_paths.spoken(path)}: {reason}")
 
 
 def _check_invalid(block: bpy.types.ID, curve: bpy.types.FCurve) -> None:
@@ -121,7 +121,9 @@ def is_wanted(ob: bpy.types.Object, path: str, found: targets.Targets) -> bool:
     if rna_paths.moves_object(path):
         if found.moves:  # as do other objects that move
             return False
-        found.refused.append(f"{ob.name} itself moves (its {rna_paths.spoken(path)} is animated): move a bone instead")
+        found.refused.append(
+            f"{ob.name} itself moves (its {spoken_paths.spoken(path)} is animated): move a bone instead"
+        )
         return False
     return rna_paths.has_effect(path)
 
@@ -186,7 +188,7 @@ def variable_of(
                 others = (path.removesuffix(switch[2]) + each for each in rna_paths.SWITCHES)
                 if not found.switches.isdisjoint(others):
                     raise curves.Refused(
-                        f"its variable {name} reads {rna_paths.spoken(path)}, of which the contrary is animated"
+                        f"its variable {name} reads {spoken_paths.spoken(path)}, of which the contrary is animated"
                     )
             row["path"] = path
         elif block == found.ob.data:

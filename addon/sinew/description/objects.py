@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..blender import animation, dependencies
+from ..blender import animation, dependencies, spoken_paths
 from . import curves, custom_properties, rna_paths, tables
 
 _START = 'objects["'
@@ -117,7 +117,9 @@ def _check(ob: bpy.types.Object) -> None:
     own = (each for each in animation.drivers_of(ob) if rna_paths.moves_object(each.data_path))
     driven = next((each for each in own if not animation.sets_nothing(ob, each)), None)
     if driven is not None:
-        raise curves.Refused(f"{rna_paths.spoken(driven.data_path)} of {ob.name} has a driver: bake it into keyframes")
+        raise curves.Refused(
+            f"{spoken_paths.spoken(driven.data_path)} of {ob.name} has a driver: bake it into keyframes"
+        )
 
 
 def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
@@ -129,7 +131,7 @@ def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
             continue
         if path not in (*_CHANNELS, *_DELTAS):
             raise curves.Refused(
-                f"{rna_paths.spoken(path)} of {ob.name} is keyed, which is not covered: remove those keyframes"
+                f"{spoken_paths.spoken(path)} of {ob.name} is keyed, which is not covered: remove those keyframes"
             )
         row["path"] = f"{_start_of(ob)}.{path}"
         yield curves.animated(row, curve)

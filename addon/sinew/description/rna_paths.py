@@ -3,9 +3,8 @@
 import re
 from functools import lru_cache
 
-from ..blender.spoken_paths import NAME, spoken
+from ..blender.spoken_paths import NAME
 
-__all__ = ["NAME", "spoken"]
 BONE = re.compile(rf"^(?:pose|data)\.bones{NAME}")
 
 SWITCHES = "mute", "enabled"  # of a constraint: the same bit, and its contrary

@@ -6,8 +6,8 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation
-from . import curves, driver_rows, rna_paths, targets
+from ..blender import animation, spoken_paths
+from . import curves, driver_rows, targets
 
 _RADIUS = re.compile(r"splines\[0\]\.(?:bezier_points|points)\[(\d+)\]\.radius")
 _KEY = re.compile(r"key_blocks\[.*\]\.value")
@@ -39,11 +39,11 @@ def check(ob: bpy.types.Object | None) -> None:
             continue
         keyed = next((each for each in curves.curves_in_effect(block) if each.data_path.startswith(part)), None)
         if keyed is not None:
-            raise curves.Refused(f"{rna_paths.spoken(keyed.data_path)} of {what} is keyed, which is not covered")
+            raise curves.Refused(f"{spoken_paths.spoken(keyed.data_path)} of {what} is keyed, which is not covered")
         for driver in animation.drivers_of(block):
             if driver.data_path.startswith(part) and (block is ob or not _KNOWN.fullmatch(driver.data_path)):
                 raise curves.Refused(
-                    f"{rna_paths.spoken(driver.data_path)} of {what} has a driver, which is not covered"
+                    f"{spoken_paths.spoken(driver.data_path)} of {what} has a driver, which is not covered"
                 )
     for modifier in _modifiers_of(ob):
         if modifier.type != "HOOK":
@@ -98,7 +98,7 @@ def _property(
             numbers[index] = 0.0
         except curves.Refused as reason:
             found.refused.append(
-                f"the driver of {rna_paths.spoken(driver.data_path)} of {driver.id_data.name}: {reason}"
+                f"the driver of {spoken_paths.spoken(driver.data_path)} of {driver.id_data.name}: {reason}"
             )
     return {"path": path, "type": "FLOAT", **limits, "value": numbers}, own
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation
+from ..blender import animation, spoken_paths
 from . import curves, custom_properties, rna_paths, tables
 
 _MIXES = {"rotation_quaternion": "QUATERNION", "scale": "MULTIPLY", "bbone_scalein": "MULTIPLY"}
@@ -42,7 +42,7 @@ class Actions:
             path = rna_paths.normalised(stored)
             if rna_paths.moves_object(path):
                 raise curves.Refused(
-                    f"{self._ob.name} itself moves (its {rna_paths.spoken(path)} is animated): move a bone instead"
+                    f"{self._ob.name} itself moves (its {spoken_paths.spoken(path)} is animated): move a bone instead"
                 )
             self._known[stored] = path if rna_paths.has_effect(path) else None
             if rna_paths.has_effect(path):

@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation, dependencies, nodes, values
+from ..blender import animation, dependencies, nodes, spoken_paths, values
 from ..blender.values import is_alive
 from ..description import objects, rna_paths
 from ..host import contract, features, members, poses, relations
@@ -275,8 +275,8 @@ def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
             if read & known and read - known:
                 mixed |= dict.fromkeys(
                     read,
-                    f"the driver of {rna_paths.spoken(curve.data_path)} reads it together with something else: give it "
-                    "two variables",
+                    f"the driver of {spoken_paths.spoken(curve.data_path)} reads it together with something else: give "
+                    "it two variables",
                 )
     for each in followed:
         why = objects.why_not(each) or mixed.get(each, "")
@@ -319,7 +319,7 @@ def check_place(rig: Any) -> None:
     own = sorted({curve.data_path for curve in others if not animation.stays(rig, curve)})
     if own:
         raise NotFreezable(
-            f"{rig.name} itself is animated ({listed(sorted({*map(rna_paths.spoken, own)}))}), not only its bones: "
+            f"{rig.name} itself is animated ({listed(sorted({*map(spoken_paths.spoken, own)}))}), not only its bones: "
             "animate its root bone instead"
         )
     if dependencies.constraints_of(rig):
@@ -380,7 +380,7 @@ def _add_driven(block: Any, curve: Any, name: str, rig: Any, found: Followers) -
         relations.on_each_frame(curve.driver)
     except ValueError as reason:
         raise NotFreezable(
-            f"the driver of {rna_paths.spoken(curve.data_path)} of {name} reads it, and {reason}: rewrite it"
+            f"the driver of {spoken_paths.spoken(curve.data_path)} of {name} reads it, and {reason}: rewrite it"
         ) from None
     found.driven.append((block, curve.data_path, curve.array_index))
     for path in filter(None, _paths_read(curve, rig)):
@@ -388,10 +388,10 @@ def _add_driven(block: Any, curve: Any, name: str, rig: Any, found: Followers) -
         channel = bone and re.match(r"\.(\w+)", path[bone.end() :])
         is_recorded = path.startswith("pose.") and channel is not None and channel[1] in _RECORDED
         if not is_recorded and any(path.startswith(each) for each in animation.animated_paths(rig)):
-            found.reads[path] = f"{rna_paths.spoken(curve.data_path)} of {name}"
+            found.reads[path] = f"{spoken_paths.spoken(curve.data_path)} of {name}"
         elif path.startswith("data."):
             if any(path[5:].startswith(each) for each in animation.animated_paths(rig.data)):
-                found.reads[path] = f"{rna_paths.spoken(curve.data_path)} of {name}"
+                found.reads[path] = f"{spoken_paths.spoken(curve.data_path)} of {name}"
 
 
 def _paths_read(curve: Any, rig: Any) -> list[str]:

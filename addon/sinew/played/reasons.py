@@ -6,9 +6,9 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation, dependencies, values
+from ..blender import animation, dependencies, spoken_paths, values
 from ..clips import clip_store
-from ..description import driver_rows, rna_paths
+from ..description import driver_rows
 from ..host import relations
 from ..run import characters
 from . import changes, computing, differences, followers, leading, rigs
@@ -92,8 +92,8 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
     if unknown:
         path = min(unknown)
         return (
-            f"the driver of {own.reads[path]} reads {rna_paths.spoken(path)} of {rig.name}, which is animated and not "
-            "recorded: let it read a channel of a bone"
+            f"the driver of {own.reads[path]} reads {spoken_paths.spoken(path)} of {rig.name}, which is animated and "
+            "not recorded: let it read a channel of a bone"
         )
     if rig.ob.mode == "POSE" and not rig.is_posable:
         return being_edited(rig.ob)
@@ -252,14 +252,14 @@ def _check_driver(rig: Any, curve: Any) -> None:
         has_word = re.search(rf"\b({words})\b", driver.expression)
         if has_word or not driver_rows.reads_variables_only(driver):
             raise NotFreezable(
-                f"the driver of {rna_paths.spoken(curve.data_path)} of {rig.name} depends on more than its variables "
-                f"({driver.expression}): use these alone"
+                f"the driver of {spoken_paths.spoken(curve.data_path)} of {rig.name} depends on more than its "
+                f"variables ({driver.expression}): use these alone"
             )
     for variable in driver.variables:
         for target in variable.targets:
             if variable.type == "CONTEXT_PROP" or target.id is not None and not _may_be_read(rig, target.id):
                 raise NotFreezable(
-                    f"the driver of {rna_paths.spoken(curve.data_path)} of {rig.name} reads "
+                    f"the driver of {spoken_paths.spoken(curve.data_path)} of {rig.name} reads "
                     f"{getattr(target.id, 'name', 'the scene')}, which may change on each frame: let it read an object"
                 )
 

@@ -50,11 +50,11 @@ def animated_armatures(layer: bpy.types.ViewLayer) -> list[Any]:
 
 
 def steps(
-    scene: bpy.types.Scene, layer: bpy.types.ViewLayer, armatures: Iterable[Any], plays_for_ghosts: bool = True
+    scene: bpy.types.Scene, layer: bpy.types.ViewLayer, armatures: Iterable[Any]
 ) -> Generator[tuple[float, str], None, None]:
-    """Plays what is not recorded yet of these armature objects, as a generator that yields (share done, what comes
-    next) and may be closed early. The scene returns to its frame. Those with changes that playing would lose are left
-    out. plays_for_ghosts: also frames of which only the shapes are missing that onion skins need."""
+    """Plays what is not recorded yet of these armature objects, or lacks only shapes that their onion skins need, as a
+    generator that yields (share done, what comes next) and may be closed early. The scene returns to its frame. Those
+    with changes that playing would lose are left out."""
     layer.update()  # what was edited just now is dropped from the records
     now, own = rigs.whole_frame(scene), [rigs.learn(each) for each in armatures]
     freezing.settle(layer.depsgraph)
@@ -68,7 +68,7 @@ def steps(
         if rig.source.is_proven and not rig.source.compared and comparing.compare(rig, scene):
             freezing.keep_frozen(scene, layer)
     wanted = [rig for rig in own if rig.is_wanted]
-    lacking = {rig.key: _to_play(rig, scene, now, plays_for_ghosts) for rig in own}
+    lacking = {rig.key: _to_play(rig, scene, now) for rig in own}
     frames = sorted({frame for each in lacking.values() for frame in each})
     freezing.thaw([rig for rig in own if lacking[rig.key] and not rig.source.is_proven], scene, layer)
     frame, subframe = scene.frame_current, scene.frame_subframe
@@ -83,11 +83,11 @@ def steps(
             freezing.want(rig)
 
 
-def _to_play(rig: rigs.Rig, scene: bpy.types.Scene, now: int | None, plays_for_ghosts: bool) -> list[int]:
+def _to_play(rig: rigs.Rig, scene: bpy.types.Scene, now: int | None) -> list[int]:
     """Returns the frames that have to be played: none of those that are computed, unless for ghosts."""
     first, last = frame_range(scene)
     frames = [*range(first, last + 1), *([now] if now is not None else ())]
     found = [] if rig.source.is_proven else [frame for frame in frames if frame not in rig.record]
-    if plays_for_ghosts and rig.skins is not None:
+    if rig.skins is not None:
         found += [frame for frame in frames if rig.origin(frame) is not None and lacks(rig, frame)]
     return found

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..blender import animation
+from ..blender import animation, spoken_paths
 from ..description import curves, custom_properties, rna_paths
 from ..host import constraint_values, poses
 
 _OF_CONSTRAINT = re.compile(
-    rf"(pose\.bones{rna_paths.NAME}\.constraints{rna_paths.NAME})\.({'|'.join(constraint_values.SETTERS)})$"
+    rf"(pose\.bones{spoken_paths.NAME}\.constraints{spoken_paths.NAME})\.({'|'.join(constraint_values.SETTERS)})$"
 )
 
 

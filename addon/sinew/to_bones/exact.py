@@ -191,13 +191,11 @@ def _used(clips, roots, places, settings):
 
 def _share_kept(clips, used):
     """Returns the share of the keyframes that is kept."""
-    every = sum(len(clip.frames) * int(np.sum(used)) for clip in clips)
-    left = sum(
-        sum(int(own[:, bones].sum()) for own, bones in zip(clip.kept.channels, used))
-        if clip.kept
-        else len(clip.frames) * int(np.sum(used))
-        for clip in clips
-    )
+    every = left = 0
+    for clip in clips:
+        own = len(clip.frames) * int(np.sum(used))
+        every += own
+        left += sum(int(kept[:, bones].sum()) for kept, bones in zip(clip.kept.channels, used)) if clip.kept else own
     return left / every
 
 

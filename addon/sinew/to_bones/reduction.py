@@ -43,9 +43,9 @@ def reduce(joints: Joints, keys: Keys, times: np.ndarray, error: float) -> tuple
     for number in range(ROUNDS):
         for each, own, lever, measure in zip(values, kept, levers, (_far, _turned, _far)):
             _keep_more(each, own, times, allowed / lever, measure)
-        drawn = [_between(each, own, times) for each, own in zip(values, kept)]
-        on_sphere = _between_on_sphere(values[1], kept[1], times)
-        worlds = [_world(joints, drawn[0], rotations, drawn[2]) for rotations in (drawn[1], on_sphere)]
+        ends = [_ends(each, own, times) for each, own in zip(values, kept)]
+        locations, scales = _between(*ends[0]), _between(*ends[2])
+        worlds = [_world(joints, locations, drawn(*ends[1]), scales) for drawn in (_between, _between_on_sphere)]
         off = np.maximum(*(distances(world, wanted, points) for world in worlds))
         is_far = np.greater(off, error).astype(np.float32) @ above > 0
         if not is_far.any():
@@ -96,10 +96,11 @@ def _keep_more(values, kept, times, limits, measure):
     """Keeps more keyframes, in place, until lines between them are nowhere further off than the limits (F, J)."""
     joints = np.arange(values.shape[1])
     while len(joints):
-        own = kept[:, joints]
-        errors = measure(_between(values[:, joints], own, times), values[:, joints])
+        own, wanted = kept[:, joints], values[:, joints]
+        ends = _ends(wanted, own, times)
+        errors = measure(_between(*ends), wanted)
         if measure is _turned:
-            errors = np.maximum(errors, measure(_between_on_sphere(values[:, joints], own, times), values[:, joints]))
+            errors = np.maximum(errors, measure(_between_on_sphere(*ends), wanted))
         over = (errors > limits[:, joints]) & ~own
         starts = np.flatnonzero(own.T)  # of the stretches between keyframes, one joint after the other
         worst = np.maximum.reduceat(np.where(over, errors, 0).T.reshape(-1), starts)
@@ -119,13 +120,11 @@ def _ends(values, kept, times):
     return begin, end, share[:, :, None]
 
 
-def _between(values, kept, times):
-    begin, end, share = _ends(values, kept, times)
+def _between(begin, end, share):
     return begin + (end - begin) * share
 
 
-def _between_on_sphere(values, kept, times):
-    begin, end, share = _ends(values, kept, times)
+def _between_on_sphere(begin, end, share):
     cosine = np.sum(begin * end, axis=2, keepdims=True)
     end = np.where(cosine < 0, -end, end)
     angle = np.arccos(np.minimum(np.abs(cosine), 1))

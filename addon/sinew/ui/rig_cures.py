@@ -16,6 +16,7 @@ from ..description import reading
 from ..feedback import notice
 from ..played import changes, differences, rigs
 from ..run import characters
+from ..to_bones import writing
 from .weights import enter_pose_mode, select_bones
 
 _NAMES_DRIVER = re.compile(r"\bdriver of\b|\bhas a driver\b|\bis driven\b", re.IGNORECASE)
@@ -103,13 +104,18 @@ def _names(reason: str, curve: Any) -> bool:
     return f"{setting} of {modifier[1]} is driven" in reason or f"its {setting} is driven" in reason
 
 
+def _named(context: bpy.types.Context, name: str) -> Any:
+    """Returns the object of the view layer with a full name, or None."""
+    return next((each for each in context.view_layer.objects if each.name_full == name), None)
+
+
 class _OfRig:
     """What the operators of one armature's buttons have in common. Each defines `cure(context, rig)`."""
 
     armature: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
     def execute(self: Any, context):
-        ob = next((each for each in context.view_layer.objects if each.name_full == self.armature), None)
+        ob = _named(context, self.armature)
         rig = rigs.get(ob) if ob is not None else None
         if rig is None:
             self.report({"ERROR"}, f"No rig {self.armature or 'without a name'} of this view layer was accelerated")
@@ -151,9 +157,7 @@ class ShowDriver(bpy.types.Operator):
     armature: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
     def execute(self, context):
-        ob = context.active_object
-        if self.armature:
-            ob = next((each for each in context.view_layer.objects if each.name_full == self.armature), None)
+        ob = _named(context, self.armature) if self.armature else context.active_object
         curve = driver_of(ob, sentences_about(ob)) if ob is not None else None
         if curve is None:
             self.report({"ERROR"}, f"No driver keeps {self.armature or 'the active object'} from Sinew")
@@ -165,10 +169,7 @@ class ShowDriver(bpy.types.Operator):
             return {"CANCELLED"}
         if context.mode != "OBJECT" and context.active_object != owner:
             bpy.ops.object.mode_set(mode="OBJECT")
-        for each in context.selected_objects:
-            each.select_set(each == owner)
-        owner.select_set(True)
-        context.view_layer.objects.active = owner
+        writing.select(context, owner, (owner,))
         for each in block.animation_data.drivers:
             each.select = each == curve
         areas = [each for each in context.screen.areas if each.type == "GRAPH_EDITOR"] if context.screen else []
