@@ -258,7 +258,7 @@ def with_constraint(cast, armature, _ob, _prop):
 def with_timed_driver(cast, armature, _ob, _prop):
     driver = armature.pose.bones["bone1"].driver_add("bbone_curveinx").driver
     driver.type, driver.expression = "SCRIPTED", "frame / 10 + len([])"
-    return 'the driver of Bbone Curveinx of the bone "bone1" of Rig depends on more than its variables (frame / 10'
+    return 'the driver of B-Bone Curve In X of the bone "bone1" of Rig depends on more than its variables (frame / 10'
 
 
 def with_driver_that_reads_anything(_cast, armature, ob, _prop):

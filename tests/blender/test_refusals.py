@@ -52,6 +52,16 @@ BONE = "Select Bone"
 RECORD = "Record Instead"
 DRIVER = "Show Driver"
 DOWN = "Move Down"
+BASIS = "Add a Basis"
+BIND = "Bind Smoothing"
+SINGLE = "Make Single User"
+# Offered for what the mesh is, not for its sentence: test_panel and test_render draw these.
+OF_MESHES = {
+    ": add a shape key, and Sinew uses that": BASIS,
+    ": press Bind in that modifier": BIND,
+    ": bind it again": BIND,
+    ": make it single-user": SINGLE,
+}
 
 TABLE = {
     "played.accelerating": {"{}, on which {} depends, has changes that are not keyed: key them": sentence()},
@@ -244,7 +254,7 @@ TABLE = {
     "plan.cages": {
         "{}, which it follows, depends on {} itself: remove one of the two": sentence(),
         "it was bound with Dynamic, which Sinew cannot evaluate: bind it without": clause(),
-        "it was bound by an old version of Blender: bind it again": clause(),
+        "it was bound by an old version of Blender: bind this modifier again": clause(),
     },
     "plan.canvas_survey": {
         "The parent of {} is a vertex of the mesh, which only Blender finds behind the first modifiers": NOTHING,
@@ -281,7 +291,7 @@ TABLE = {
         "the mesh": PART,
         "modifiers before {} make other vertices than the mesh's own": NOTHING_WITHIN,
         "Sinew has not found the weights of its vertices yet": NOTHING,
-        "other objects share the mesh: make it single-user": clause(),
+        "other objects share the mesh: make it single-user": clause(SINGLE),
         "the object is linked, so Sinew cannot add what it needs: make a library override of it": clause(),
         "its method or output needs the mesh's own vertices": NOTHING_WITHIN,
         "the Generated coordinates of {} stay in place only while Blender evaluates it": NOTHING_WITHIN,
@@ -299,8 +309,8 @@ TABLE = {
         ": {}": PART,
         "its {}": PART,
         "its switches for viewport and renders differ from those of {}": NOTHING_WITHIN,
-        "it is not bound: press Bind in that modifier": clause(),
-        "it was bound to {} vertices, and the mesh has {}: bind it again": clause(),
+        "it is not bound: press Bind in that modifier": clause(BIND),
+        "it was bound to {} vertices, and the mesh has {}: bind it again": clause(BIND),
         "{} is driven, and {}": clause(DRIVER),
     },
     "plan.survey": {
@@ -353,7 +363,7 @@ TABLE = {
         "has no armature, shape keys or smoothing that Sinew could take over: add one of them": clause(),
         "{} ({} comes first, and {})": PART,
         "is deformed by its parent {} directly, before any modifier: set the parent type to Object": clause(),
-        "{}: add a shape key, and Sinew uses that": sentence(),
+        "{}: add a shape key, and Sinew uses that": sentence(BASIS),
         "Its shape keys are absolute, which Sinew cannot blend: make them relative": sentence(),
         "Only the active shape key is shown: turn that off": sentence(),
         "Its Armature modifier is shown only in the viewport or only in renders, which Sinew cannot tell apart on a mesh with shape keys: show it in both": sentence(),
@@ -405,7 +415,8 @@ def texts(module):
 
 def filled(text):
     """Returns a sentence with names in it, "hip" for a bone."""
-    return re.sub(r"\{\}", "Body", text.replace('bone "{}"', 'bone "hip"'))
+    text = re.sub(r"(?<=\w)\{\}", "", text.replace('bone "{}"', 'bone "hip"').replace("frame {}", "frame 12"))
+    return text.replace("{}", "Body")
 
 
 def said(module, text):
@@ -418,7 +429,8 @@ def offered(module, reason):
     cures = addon_module("ui.rig_cures")
     if module.startswith("plan."):
         found = [DRIVER] if cures.names_driver(reason) else []
-        return [*found, *([DOWN] if ": move Body behind " in reason else [])]
+        found += [DOWN] if ": move Body behind " in reason else []
+        return found + [button for end, button in OF_MESHES.items() if reason.endswith(end)]
     source = SimpleNamespace(refusal=reason if module in REFUSED else "", is_proven=False)
     ob = SimpleNamespace(
         pose=SimpleNamespace(bones={"hip"}), animation_data=SimpleNamespace(action="action", nla_tracks=[])
@@ -486,12 +498,12 @@ def test_the_driver_that_a_sentence_names_is_found(fresh_scene, kind):
     if kind == "bone":
         wanted, reason = (
             driven(bone, "bbone_rollin"),
-            'the driver of Bbone Rollin of the bone "bone1": it reads nothing',
+            'the driver of B-Bone Roll In of the bone "bone1": it reads nothing',
         )
     elif kind == "data":
         wanted, reason = (
             driven(armature.data.bones["bone1"], "bbone_x"),
-            'the driver of Bbone X of the bone "bone1": no',
+            'the driver of B-Bone X of the bone "bone1": no',
         )
     elif kind == "lamp":
         lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
@@ -521,7 +533,7 @@ def test_show_driver_selects_it(fresh_scene, monkeypatch):
     armature = make_armature()
     first, wanted = driven(armature, "location", 0), driven(armature.pose.bones["bone1"], "bbone_rollin")
     rigs = addon_module("played.rigs")
-    rigs.learn(armature).reason = 'the driver of Bbone Rollin of the bone "bone1" of Rig depends on more'
+    rigs.learn(armature).reason = 'the driver of B-Bone Roll In of the bone "bone1" of Rig depends on more'
     select()
     bpy.context.view_layer.objects.active = None
     assert bpy.ops.object.sinew_show_driver(armature=armature.name_full) == {"FINISHED"}

@@ -3,34 +3,47 @@
 import re
 
 NAME = r'\["((?:[^"\\]|\\.)*)"\]'  # escaped
-_OWNERS = (("bones", "bone"), ("constraints", "constraint"), ("modifiers", "modifier"), ("key_blocks", "shape key"))
-_OF_OWNER = [(re.compile(rf"^(?:pose\.|data\.)?{many}{NAME}\.?"), one) for many, one in _OWNERS]
-_CUSTOM = re.compile(rf"^{NAME}$")
+_PART = re.compile(rf"(?:(\w+)(?:{NAME}|\[(\d+)\])?|{NAME})(?:\.|(?=\[)|$)")
+_ONES = {"vertices": "vertex", "key_blocks": "shape key", "data": "point"}
+_WHATS = {"co": "Position"}
+_OF_B_BONES = re.compile(r"(?<=bbone_)(roll|ease|scale|curve)(in|out)([xz]?)$")
 
 
 def spoken(path: str) -> str:
     """Returns what people call a property, to stand within a sentence: `pose.bones["hip"].constraints["IK"].influence`
-    is `Influence of the constraint "IK" of the bone "hip"`."""
-    rest = path
+    is `Influence of the constraint "IK" of the bone "hip"`, and `vertices[7].co` is `Position of vertex 7`."""
     owners: list[str] = []
-    while (owner := next(filter(None, (_match(each, rest) for each in _OF_OWNER)), None)) is not None:
-        text, end = owner
-        owners.insert(0, text)
-        rest = rest[end:]
-    custom = _CUSTOM.match(rest)
-    if custom:
-        what = f'the property "{_unescaped(custom[1])}"'
-    elif re.fullmatch(r"(data\.)?\w+", rest):
-        what = rest.removeprefix("data.").replace("_", " ").title()
-    else:
-        return path
-    return " ".join((what, *owners))
+    end = 0
+    while (part := _PART.match(path, end)) is not None:
+        word, name, index, custom = part.groups()
+        end = part.end()
+        if custom is not None or (name is not None and word in ("pose", "data")):
+            what = f'the property "{_unescaped(name or custom)}"'
+        elif name is not None:
+            what = f'the {_one_of(word)} "{_unescaped(name)}"'
+        elif end == len(path):
+            what = _WHATS.get(word) or _titled(word) + (f" {index}" if index else "")
+        elif index is not None:
+            what = f"{_one_of(word)} {index}"
+        elif word in ("pose", "data"):
+            continue
+        else:
+            what = f"the {word.replace('_', ' ')}"
+        owners.insert(0, what)
+        if end == len(path):
+            return " of ".join(owners)
+    return path
 
 
-def _match(of_owner: tuple[re.Pattern[str], str], path: str) -> tuple[str, int] | None:
-    pattern, kind = of_owner
-    found = pattern.match(path)
-    return (f'of the {kind} "{_unescaped(found[1])}"', found.end()) if found else None
+def _titled(word: str) -> str:
+    parts = _OF_B_BONES.sub(r"\1 \2 \3", word).replace("bbone", "b-bone")
+    return parts.replace("_", " ").strip().title()
+
+
+def _one_of(collection: str) -> str:
+    """Returns what one element of a collection is called, from the collection's name."""
+    one = _ONES.get(collection) or collection.removesuffix("s")
+    return one.replace("_", " ")
 
 
 def _unescaped(name: str) -> str:

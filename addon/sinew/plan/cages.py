@@ -46,4 +46,4 @@ def _why_not_bound(ob: Any, modifier: Any) -> str:
     counts = COUNTS[modifier.type](modifier)
     reason = runs.why_not_bound(counts and counts.mesh, len(ob.data.vertices))
     is_old = counts is not None and not counts.target
-    return reason or ("it was bound by an old version of Blender: bind it again" if is_old else "")
+    return reason or ("it was bound by an old version of Blender: bind this modifier again" if is_old else "")
