@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "arrays.h"
 
@@ -25,7 +26,7 @@ class Copy {
       return {Json::Other{value_text(object)}};
     }
     if (PyUnicode_Check(own)) {
-      if (std::optional<std::string> text = utf8_of(object)) return {*std::move(text)};
+      if (const std::optional<std::string_view> text = utf8_of(object)) return {std::string(*text)};
       return {Json::Other{value_text(object)}};
     }
     if (PyDict_Check(own)) return entries_of(object, name, depth);
@@ -54,10 +55,11 @@ class Copy {
     count(++values_, kMostValues, "lists and dictionaries");
   }
 
-  static std::optional<std::string> utf8_of(const py::handle& object) {
+  /// Of a str, which holds it.
+  static std::optional<std::string_view> utf8_of(const py::handle& object) {
     py::ssize_t size = 0;
     const char* const text = PyUnicode_Check(object.ptr()) ? PyUnicode_AsUTF8AndSize(object.ptr(), &size) : nullptr;
-    if (text != nullptr) return std::string(text, static_cast<std::size_t>(size));
+    if (text != nullptr) return std::string_view(text, static_cast<std::size_t>(size));
     PyErr_Clear();
     return std::nullopt;
   }
@@ -69,9 +71,9 @@ class Copy {
     PyObject *key = nullptr, *value = nullptr;
     for (py::ssize_t at = 0; PyDict_Next(object.ptr(), &at, &key, &value) != 0;) {
       const auto held = py::reinterpret_borrow<py::object>(key), held_value = py::reinterpret_borrow<py::object>(value);
-      std::optional<std::string> text = utf8_of(held);
       Json::Entry& entry = entries.emplace_back();
-      entry.name = text ? *std::move(text) : value_text(held);
+      const std::optional<std::string_view> text = utf8_of(held);
+      entry.name = text ? std::string(*text) : value_text(held);
       entry.json = of(held_value, entry.name, depth + 1);
     }
     return {std::move(entries)};

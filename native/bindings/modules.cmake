@@ -32,7 +32,8 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/host/bind_shortcut.cpp
     bindings/host/bind_stored_curves.cpp
     bindings/host/bind_struct_values.cpp
-    bindings/host/watched.cpp)
+    bindings/host/watched.cpp
+    bindings/json_of.cpp)
   set(copying ${target}_copying)
   add_library(${copying} OBJECT
     bindings/bind_automatic_weights.cpp
@@ -51,7 +52,6 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/bind_tasks.cpp
     bindings/bind_weight_tools.cpp
     bindings/explain_arguments.cpp
-    bindings/json_of.cpp
     bindings/kept_program.cpp
     bindings/module.cpp)
   target_link_libraries(${target} PRIVATE ${copying})
