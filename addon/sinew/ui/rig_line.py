@@ -45,9 +45,7 @@ def text_of(armature: Any) -> tuple[str, str]:
         return f"Rig: native{gain}\n{own:.2f} ms (Blender {blender:.2f})", ""
     if rig.is_idle:
         return "Rig: native" if rig.is_posable else "Rig: recorded", ""
-    if rig.stays_live:
-        return "Rig: Blender's", ""
-    return ("Rig: Blender's", rig.reason) if rig.needs_program and rig.reason else ("", "")
+    return "Rig: Blender's", "" if rig.stays_live or not rig.needs_program else rig.reason
 
 
 def compared(armature: Any) -> int:
