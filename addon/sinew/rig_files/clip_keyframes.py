@@ -9,8 +9,6 @@ from ..clips import clip_store, posing
 from ..feedback import progress
 from ..run import characters
 
-LINEAR = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items["LINEAR"].value
-
 
 def clip_armature(ob: bpy.types.Object | None) -> bpy.types.Object | None:
     """Returns an object, if it is an armature, or else its armature; None if that has no imported poses."""
@@ -53,21 +51,25 @@ def insert(
 
 
 def new_curve(armature: bpy.types.Object, action: Any, data_path: str, component: int, group: str) -> Any:
+    """Returns a new F-curve, which has one keyframe."""
     if not hasattr(action, "fcurves"):  # 5.0 and later
-        return action.fcurve_ensure_for_datablock(armature, data_path, index=component, group_name=group)
-    if not hasattr(action, "fcurve_ensure_for_datablock"):  # before 4.4: actions have no slots
-        return action.fcurves.new(data_path, index=component, action_group=group)
-    curve = action.fcurve_ensure_for_datablock(armature, data_path, index=component)
-    curve.group = action.groups.get(group) or action.groups.new(group)
+        curve = action.fcurve_ensure_for_datablock(armature, data_path, index=component, group_name=group)
+    elif not hasattr(action, "fcurve_ensure_for_datablock"):  # before 4.4: actions have no slots
+        curve = action.fcurves.new(data_path, index=component, action_group=group)
+    else:
+        curve = action.fcurve_ensure_for_datablock(armature, data_path, index=component)
+        curve.group = action.groups.get(group) or action.groups.new(group)
+    curve.auto_smoothing = "NONE"  # of handles, which straight lines do not have: it takes a third of the time
+    curve.keyframe_points.add(1)
     return curve
 
 
 def fill(curve: Any, frames: np.ndarray, values: np.ndarray) -> None:
-    """Adds keyframes of values (F,) on frames (F,) to an F-curve without any, with straight lines between them."""
-    keys = curve.keyframe_points
-    keys.add(len(frames))
-    points = np.empty((len(frames), 2), np.float32)
+    """Replaces the keyframes of an F-curve, which has some, by values (F,) on frames (F,), with straight lines between
+    them. Samples are written several times faster than keyframes, and become such in one call."""
+    count, first = len(frames), int(frames[0])
+    points = np.empty((count, 2), np.float32)
     points[:, 0], points[:, 1] = frames, values
-    keys.foreach_set("co", points.reshape(-1))
-    keys.foreach_set("interpolation", np.full(len(frames), LINEAR, np.int32))
-    curve.update()
+    curve.convert_to_samples(0, count)
+    curve.sampled_points.foreach_set("co", points.reshape(-1))
+    curve.convert_to_keyframes(first, first + count)

@@ -31,6 +31,11 @@ class RigAction:
     slot: Any  # of the action; None before Blender 4.4
     curves: tuple[bpy.types.FCurve, ...]
 
+    @property
+    def handle(self) -> int:
+        """The number of its slot."""
+        return getattr(self.slot, "handle", 0)
+
     def frames(self, step: int) -> list[int]:
         """Returns the frames of its range, every so many of them, and always the last."""
         first, last = (float(frame) for frame in self.action.frame_range)
@@ -72,6 +77,13 @@ def _has(rig: bpy.types.Object, escaped: str) -> bool:
     return bpy.utils.unescape_identifier(escaped) in rig.pose.bones
 
 
+def assign(ob: bpy.types.Object, action: bpy.types.Action | None, slot: Any) -> None:
+    """Has an object, which has animation data, play a slot of an action. slot: None: the one that Blender finds."""
+    ob.animation_data.action = action
+    if slot is not None:
+        ob.animation_data.action_slot = slot
+
+
 @contextmanager
 def playing_each(rig: bpy.types.Object, own: Sequence[RigAction]) -> Iterator[Any]:
     """Inside the `with` block, the rig plays what the function that it returns is given, a RigAction, and nothing else:
@@ -96,9 +108,7 @@ def playing_each(rig: bpy.types.Object, own: Sequence[RigAction]) -> Iterator[An
             _set(rig, path, value)
         for name, rest in AT_REST.items():
             rig.pose.bones.foreach_set(name, np.tile(np.array(rest, np.float32), len(rig.pose.bones)))
-        data.action = chosen.action
-        if chosen.slot is not None:
-            data.action_slot = chosen.slot
+        assign(rig, chosen.action, chosen.slot)
         rig.update_tag()  # or Blender would not see custom properties
 
     try:
@@ -111,9 +121,7 @@ def playing_each(rig: bpy.types.Object, own: Sequence[RigAction]) -> Iterator[An
             _set(rig, path, value)
         for name, numbers in pose.items():
             rig.pose.bones.foreach_set(name, numbers)
-        data.action = action
-        if slot is not None:
-            data.action_slot = slot
+        assign(rig, action, slot)
         for name, setting in settings.items():
             setattr(data, name, setting)
         if is_new:
