@@ -43,7 +43,7 @@ def insert(
             data_path = bone.path_from_id(path)
             for component in range(count):
                 curve = new_curve(armature, action, data_path, component, bone.name)
-                fill(curve, frames, poses[:, i, start + component])
+                fill(curve, np.stack((frames, poses[:, i, start + component]), axis=1).astype(np.float32))
     for ob in characters.bound_objects():
         if ob.sinew.armature == armature:
             ob.sinew.source = "ARMATURE"
@@ -64,12 +64,10 @@ def new_curve(armature: bpy.types.Object, action: Any, data_path: str, component
     return curve
 
 
-def fill(curve: Any, frames: np.ndarray, values: np.ndarray) -> None:
-    """Replaces the keyframes of an F-curve, which has some, by values (F,) on frames (F,), with straight lines between
-    them. Samples are written several times faster than keyframes, and become such in one call."""
-    count, first = len(frames), int(frames[0])
-    points = np.empty((count, 2), np.float32)
-    points[:, 0], points[:, 1] = frames, values
+def fill(curve: Any, points: np.ndarray) -> None:
+    """Replaces the keyframes of an F-curve, which has some, by others (K, 2) float32, frames and values, with straight
+    lines between them. Samples are written several times faster than keyframes, and become such in one call."""
+    count, first = len(points), int(points[0, 0])
     curve.convert_to_samples(0, count)
     curve.sampled_points.foreach_set("co", points.reshape(-1))
     curve.convert_to_keyframes(first, first + count)

@@ -133,10 +133,12 @@ def insert_keys(
 ) -> None:
     """Fills an action of new_action, or a copy of it, with keys. kept: on which frames, (F, J) bools each; None: on
     all."""
-    numbers, values = np.array(frames, np.float32), (keys.locations, keys.rotations, keys.scales)
+    values = np.concatenate((keys.locations, keys.rotations, keys.scales), axis=2)  # (F, J, 10)
+    points = np.empty((*values.shape[1:], len(frames), 2), np.float32)
+    points[..., 0], points[..., 1] = frames, np.moveaxis(values, 0, 2)
     for (number, j, component), curve in zip(_curves_of(used), animation.action_curves(action), strict=True):
-        on = slice(None) if kept is None else kept[number][:, j]
-        clip_keyframes.fill(curve, numbers[on], values[number][on, j, component])
+        own = points[j, (0, 3, 7)[number] + component]
+        clip_keyframes.fill(curve, own if kept is None else own[kept[number][:, j]])
 
 
 def _curves_of(used):
