@@ -322,6 +322,30 @@ def test_where_the_rig_is_and_what_it_hangs_on_is_copied(rig):
     assert off(rig, skeleton, range(1, 7), names) < EXACT
 
 
+@pytest.mark.skipif(bpy.app.version < (4, 4, 0), reason="actions have no slots")
+def test_of_an_action_of_several_objects_the_rigs_slot_is_baked(rig):
+    action = bpy.data.actions["walk"]
+    before = keys_of(tracks(bake(rig, actions="walk"))["walk"])
+    other = make_armature()
+    other.name = "Other"
+    slot = action.slots.new("OBJECT", other.name)
+    data = other.animation_data_create()
+    data.action, data.action_slot = action, slot
+    other.pose.bones["bone0"].location = (5, 6, 7)
+    for frame in (3, 30):
+        other.pose.bones["bone0"].keyframe_insert("location", frame=frame)
+    play(rig, bpy.data.actions["jump"])
+    skeleton = bake(rig, actions="walk")
+    made = tracks(skeleton)["walk"]
+    assert keys_of(made).keys() == before.keys() and len(made.slots) == 1
+    strip = skeleton.animation_data.nla_tracks["walk"].strips[0]
+    assert strip.action_slot == made.slots[0] and made.slots[0].target_id_type == "OBJECT"
+    assert data.action == action and data.action_slot == slot
+    rig.animation_data.action, rig.animation_data.action_slot = action, action.slots[0]
+    play(skeleton, made)
+    assert off(rig, skeleton, range(3, 13)) < EXACT
+
+
 # --- options --------------------------------------------------------------------------------------
 
 

@@ -32,9 +32,9 @@ class RigAction:
     curves: tuple[bpy.types.FCurve, ...]
 
     @property
-    def handle(self) -> int:
-        """The number of its slot."""
-        return getattr(self.slot, "handle", 0)
+    def played(self) -> tuple[bpy.types.Action, int | None]:
+        """The action, and the number of the slot."""
+        return self.action, getattr(self.slot, "handle", None)
 
     def frames(self, step: int) -> list[int]:
         """Returns the frames of its range, every so many of them, and always the last."""
@@ -44,24 +44,27 @@ class RigAction:
 
 
 def find(rig: bpy.types.Object, pattern: str = "*") -> list[RigAction]:
-    """Returns the actions that key bones of a rig, by name, whose names match a pattern such as "walk*". Those that
+    """Returns the actions that key bones of a rig, by name, whose names match a pattern such as "walk*". Slots that
     other armatures play and this one does not are left out. Raises ValueError if there are none."""
-    own: set[bpy.types.Action] = set()
-    others: set[bpy.types.Action] = set()
+    own: dict[Any, None] = {}  # action and number of the slot
+    others: dict[Any, None] = {}
     for ob in bpy.data.objects:
         if ob.type == "ARMATURE":
-            (own if ob == rig else others).update(each.action for each in actions.of(ob))
+            played = [(each.action, getattr(each.slot, "handle", each.slot)) for each in actions.of(ob)]
+            (own if ob == rig else others).update(dict.fromkeys(played))
     found = []
     for action in bpy.data.actions:
-        if fnmatchcase(action.name, pattern) and (action in own or action not in others):
-            found += [each for each in (_of(rig, action),) if each is not None]
+        if fnmatchcase(action.name, pattern):
+            able = [each for each in _of(rig, action) if each.played in own or each.played not in others]
+            found += sorted(able, key=lambda each: each.played not in own)[:1]
     if not found:
-        there = ", ".join(each.name for each in own) or "none"
+        there = ", ".join(dict.fromkeys(action.name for action, _slot in own)) or "none"
         raise ValueError(f"no action named {pattern} moves bones of {rig.name}; those that it plays: {there}")
     return found
 
 
-def _of(rig: bpy.types.Object, action: bpy.types.Action) -> RigAction | None:
+def _of(rig: bpy.types.Object, action: bpy.types.Action) -> list[RigAction]:
+    """Returns an action with each slot that moves bones of a rig, that of the rig's name first."""
     slots: Sequence[Any] = getattr(action, "slots", (None,))
     slots = [slot for slot in slots if slot is None or slot.target_id_type in ("OBJECT", "UNSPECIFIED")]
     able = []
@@ -69,8 +72,7 @@ def _of(rig: bpy.types.Object, action: bpy.types.Action) -> RigAction | None:
         curves = animation.curves_in(action, slot)
         if any((bone := rna_paths.BONE.match(curve.data_path)) and _has(rig, bone[1]) for curve in curves):
             able.append(RigAction(action, slot, tuple(curves)))
-    named = [each for each in able if each.slot is not None and each.slot.identifier == f"OB{rig.name}"]
-    return next(iter([*named, *able]), None)
+    return sorted(able, key=lambda each: each.slot is None or each.slot.identifier != f"OB{rig.name}")
 
 
 def _has(rig: bpy.types.Object, escaped: str) -> bool:

@@ -90,7 +90,7 @@ class Poses:
         """Returns the rows of an action's curves, up to one that is refused, and why it is not computed."""
         known, rows = len(found.refused), []
         try:
-            curves = action_curves.that_set_anything(self._rig, action_curves.of_slot(each.action, each.handle))
+            curves = action_curves.that_set_anything(self._rig, action_curves.of_slot(*each.played))
             for row in driver_rows.rows_of(self._rig, curves, "", found):
                 rows.append(row)
         except ValueError as reason:
