@@ -146,7 +146,7 @@ def put_alone(ob):
     return ob
 
 
-def animate(armature, seed, controls=CONTROLS):
+def animate(armature, seed, controls=CONTROLS, frames=KEYED_FRAMES):
     """Rotates all bones of a chain; rotates and moves some controls of a generated rig, with controls=None all."""
     random = np.random.default_rng(seed)
     bones = [bone for bone in armature.pose.bones if bone.custom_shape]
@@ -159,7 +159,7 @@ def animate(armature, seed, controls=CONTROLS):
         turned = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(
             bone.rotation_mode, "rotation_euler"
         )
-        for frame in KEYED_FRAMES:
+        for frame in frames:
             turn = Euler(random.uniform(-0.2, 0.2, 3))
             if turned == "rotation_quaternion":
                 turn = turn.to_quaternion()

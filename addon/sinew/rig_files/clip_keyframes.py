@@ -9,8 +9,6 @@ from ..clips import clip_store, posing
 from ..feedback import progress
 from ..run import characters
 
-LINEAR = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items["LINEAR"].value
-
 
 def clip_armature(ob: bpy.types.Object | None) -> bpy.types.Object | None:
     """Returns an object, if it is an armature, or else its armature; None if that has no imported poses."""
@@ -45,7 +43,7 @@ def insert(
             data_path = bone.path_from_id(path)
             for component in range(count):
                 curve = new_curve(armature, action, data_path, component, bone.name)
-                fill(curve, frames, poses[:, i, start + component])
+                fill(curve, np.stack((frames, poses[:, i, start + component]), axis=1).astype(np.float32))
     for ob in characters.bound_objects():
         if ob.sinew.armature == armature:
             ob.sinew.source = "ARMATURE"
@@ -53,21 +51,23 @@ def insert(
 
 
 def new_curve(armature: bpy.types.Object, action: Any, data_path: str, component: int, group: str) -> Any:
+    """Returns a new F-curve, which has one keyframe."""
     if not hasattr(action, "fcurves"):  # 5.0 and later
-        return action.fcurve_ensure_for_datablock(armature, data_path, index=component, group_name=group)
-    if not hasattr(action, "fcurve_ensure_for_datablock"):  # before 4.4: actions have no slots
-        return action.fcurves.new(data_path, index=component, action_group=group)
-    curve = action.fcurve_ensure_for_datablock(armature, data_path, index=component)
-    curve.group = action.groups.get(group) or action.groups.new(group)
+        curve = action.fcurve_ensure_for_datablock(armature, data_path, index=component, group_name=group)
+    elif not hasattr(action, "fcurve_ensure_for_datablock"):  # before 4.4: actions have no slots
+        curve = action.fcurves.new(data_path, index=component, action_group=group)
+    else:
+        curve = action.fcurve_ensure_for_datablock(armature, data_path, index=component)
+        curve.group = action.groups.get(group) or action.groups.new(group)
+    curve.auto_smoothing = "NONE"  # of handles, which straight lines do not have: it takes a third of the time
+    curve.keyframe_points.add(1)
     return curve
 
 
-def fill(curve: Any, frames: np.ndarray, values: np.ndarray) -> None:
-    """Adds keyframes of values (F,) on frames (F,) to an F-curve without any, with straight lines between them."""
-    keys = curve.keyframe_points
-    keys.add(len(frames))
-    points = np.empty((len(frames), 2), np.float32)
-    points[:, 0], points[:, 1] = frames, values
-    keys.foreach_set("co", points.reshape(-1))
-    keys.foreach_set("interpolation", np.full(len(frames), LINEAR, np.int32))
-    curve.update()
+def fill(curve: Any, points: np.ndarray) -> None:
+    """Replaces the keyframes of an F-curve, which has some, by others (K, 2) float32, frames and values, with straight
+    lines between them. Samples are written several times faster than keyframes, and become such in one call."""
+    count, first = len(points), int(points[0, 0])
+    curve.convert_to_samples(0, count)
+    curve.sampled_points.foreach_set("co", points.reshape(-1))
+    curve.convert_to_keyframes(first, first + count)

@@ -128,7 +128,7 @@ def _keys(context, rig, skeleton, made, places, roots, own, settings):
     those that are kept, and why the rig was evaluated. made: the Joints of the armature; places: of each among the
     skeleton's."""
     largest = 0.0
-    poses, clips, off = Poses(context, rig, settings.has_segments), [], np.zeros(len(made.names))
+    poses, clips, off = Poses(context, rig, settings.has_segments, own), [], np.zeros(len(made.names))
     may_move = roots.tolist() if settings.roots_alone_move else None
     with ExitStack() as stack:
         play = stack.enter_context(rig_actions.playing_each(rig, own)) if own else None
@@ -138,7 +138,7 @@ def _keys(context, rig, skeleton, made, places, roots, own, settings):
                 play(each)
             name = each.action.name if each else ""
             part = COMPUTING / max(len(own), 1)
-            work = poses.steps(frames, f"computing {name or context.scene.name}")
+            work = poses.steps(frames, f"computing {name or context.scene.name}", number)
             found = yield from long_work.scaled(work, number * part, (number + 1) * part)
             motions = skeleton.motions(*found)
             if not np.isfinite(motions).all():
@@ -147,12 +147,12 @@ def _keys(context, rig, skeleton, made, places, roots, own, settings):
                 motions = game_skeleton.with_root_motion(motions, skeleton.joints, settings.root_motion == "IN_PLACE")
             motions = game_skeleton.moved_along(motions, places, made.parents)
             keys, played = joint_motions.keys_of(made, motions, frames, may_move)
-            own = np.where(places < 0, 0, _off(played, motions, made))
-            off, keys, kept = np.maximum(off, own), _as_float32(keys), None
+            far = np.where(places < 0, 0, _off(played, motions, made))
+            off, keys, kept = np.maximum(off, far), _as_float32(keys), None
             if settings.key_error > 0:
                 kept, played = reduction.reduce(made, keys, np.array(frames), settings.key_error)
-                own = np.where(places < 0, 0, _off(played, motions, made))
-            largest = max(largest, float(own.max()))
+                far = np.where(places < 0, 0, _off(played, motions, made))
+            largest = max(largest, float(far.max()))
             clips.append(_Clip(name, each, frames, keys, kept))
     return clips, off, largest, poses.why
 
@@ -202,24 +202,24 @@ def _share_kept(clips, used):
 def _write(armature, clips, roots, places, settings, created):
     """Yields progress, and returns a _Written of each clip."""
     used = _used(clips, roots, places, settings)
-    of_length: dict[int, bpy.types.Action] = {}  # an action with so many frames
+    empty = writing.new_action(armature, "empty", used, created)
     found = []
     for number, clip in enumerate(clips):
         yield COMPUTING + (1 - COMPUTING) * number / len(clips), f"writing {clip.name}"
         wanted = f"{clip.name}_bones" if clip.name else f"{armature.name}_clip"
-        given = armature, wanted, clip.keys, clip.frames, created, used
-        like = of_length.get(len(clip.frames))
-        if clip.kept is None and like is not None:
-            action = writing.insert_other_keys(*given, like)
-        else:
-            action = writing.insert_keys(*given, clip.kept.channels if clip.kept else None)
-            of_length[len(clip.frames)] = action
+        action = empty.copy()  # which is faster than to make its curves again
+        created.append(action)
+        action.name = wanted
+        writing.insert_keys(action, clip.keys, clip.frames, used, clip.kept.channels if clip.kept else None)
         baked = Baked(clip.name, wanted, clip.frames[0], clip.frames[-1], len(clip.frames))
         found.append(_Written(clip.name, action, wanted, baked))
-    for clip, each in zip(clips, found):  # not before, or copies would have them, too
         if clip.source is not None and clip.source.action.use_frame_range:
             for name in ("use_frame_range", "frame_start", "frame_end", "use_cyclic"):
-                setattr(each.action, name, getattr(clip.source.action, name))
+                setattr(action, name, getattr(clip.source.action, name))
+    last = found[-1].action
+    rig_actions.assign(armature, last, last.slots[0] if hasattr(last, "slots") else None)
+    created.remove(empty)
+    bpy.data.actions.remove(empty)
     return found
 
 
@@ -273,9 +273,7 @@ def _restore(target, kept):
     if own is None:
         target.animation_data_clear()
         return
-    target.animation_data.action = own[0]
-    if own[1] is not None:
-        target.animation_data.action_slot = own[1]
+    rig_actions.assign(target, *own)
 
 
 def _place_like(armature, rig):

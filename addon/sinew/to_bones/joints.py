@@ -62,7 +62,8 @@ def points_of(joints: Joints) -> np.ndarray:
 
 def distances(motions: np.ndarray, others: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Returns (F, J): how far apart two motions (F, J, 4, 4) move the points (J, 4, 4) of a joint at most."""
-    return np.linalg.norm(((motions - others) @ points)[:, :, :3], axis=2).max(axis=2, initial=0)
+    apart = ((motions - others) @ points)[:, :, :3]
+    return np.sqrt(np.einsum("fjap,fjap->fjp", apart, apart).max(axis=2, initial=0))
 
 
 def skeleton_of(joints: Joints) -> Any:

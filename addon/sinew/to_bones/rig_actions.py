@@ -31,6 +31,11 @@ class RigAction:
     slot: Any  # of the action; None before Blender 4.4
     curves: tuple[bpy.types.FCurve, ...]
 
+    @property
+    def played(self) -> tuple[bpy.types.Action, int | None]:
+        """The action, and the number of the slot."""
+        return self.action, getattr(self.slot, "handle", None)
+
     def frames(self, step: int) -> list[int]:
         """Returns the frames of its range, every so many of them, and always the last."""
         first, last = (float(frame) for frame in self.action.frame_range)
@@ -39,24 +44,27 @@ class RigAction:
 
 
 def find(rig: bpy.types.Object, pattern: str = "*") -> list[RigAction]:
-    """Returns the actions that key bones of a rig, by name, whose names match a pattern such as "walk*". Those that
+    """Returns the actions that key bones of a rig, by name, whose names match a pattern such as "walk*". Slots that
     other armatures play and this one does not are left out. Raises ValueError if there are none."""
-    own: set[bpy.types.Action] = set()
-    others: set[bpy.types.Action] = set()
+    own: dict[Any, None] = {}  # action and number of the slot
+    others: dict[Any, None] = {}
     for ob in bpy.data.objects:
         if ob.type == "ARMATURE":
-            (own if ob == rig else others).update(each.action for each in actions.of(ob))
+            played = [(each.action, getattr(each.slot, "handle", each.slot)) for each in actions.of(ob)]
+            (own if ob == rig else others).update(dict.fromkeys(played))
     found = []
     for action in bpy.data.actions:
-        if fnmatchcase(action.name, pattern) and (action in own or action not in others):
-            found += [each for each in (_of(rig, action),) if each is not None]
+        if fnmatchcase(action.name, pattern):
+            able = [each for each in _of(rig, action) if each.played in own or each.played not in others]
+            found += sorted(able, key=lambda each: each.played not in own)[:1]
     if not found:
-        there = ", ".join(each.name for each in own) or "none"
+        there = ", ".join(dict.fromkeys(action.name for action, _slot in own)) or "none"
         raise ValueError(f"no action named {pattern} moves bones of {rig.name}; those that it plays: {there}")
     return found
 
 
-def _of(rig: bpy.types.Object, action: bpy.types.Action) -> RigAction | None:
+def _of(rig: bpy.types.Object, action: bpy.types.Action) -> list[RigAction]:
+    """Returns an action with each slot that moves bones of a rig, that of the rig's name first."""
     slots: Sequence[Any] = getattr(action, "slots", (None,))
     slots = [slot for slot in slots if slot is None or slot.target_id_type in ("OBJECT", "UNSPECIFIED")]
     able = []
@@ -64,12 +72,18 @@ def _of(rig: bpy.types.Object, action: bpy.types.Action) -> RigAction | None:
         curves = animation.curves_in(action, slot)
         if any((bone := rna_paths.BONE.match(curve.data_path)) and _has(rig, bone[1]) for curve in curves):
             able.append(RigAction(action, slot, tuple(curves)))
-    named = [each for each in able if each.slot is not None and each.slot.identifier == f"OB{rig.name}"]
-    return next(iter([*named, *able]), None)
+    return sorted(able, key=lambda each: each.slot is None or each.slot.identifier != f"OB{rig.name}")
 
 
 def _has(rig: bpy.types.Object, escaped: str) -> bool:
     return bpy.utils.unescape_identifier(escaped) in rig.pose.bones
+
+
+def assign(ob: bpy.types.Object, action: bpy.types.Action | None, slot: Any) -> None:
+    """Has an object, which has animation data, play a slot of an action. slot: None: the one that Blender finds."""
+    ob.animation_data.action = action
+    if slot is not None:
+        ob.animation_data.action_slot = slot
 
 
 @contextmanager
@@ -96,9 +110,7 @@ def playing_each(rig: bpy.types.Object, own: Sequence[RigAction]) -> Iterator[An
             _set(rig, path, value)
         for name, rest in AT_REST.items():
             rig.pose.bones.foreach_set(name, np.tile(np.array(rest, np.float32), len(rig.pose.bones)))
-        data.action = chosen.action
-        if chosen.slot is not None:
-            data.action_slot = chosen.slot
+        assign(rig, chosen.action, chosen.slot)
         rig.update_tag()  # or Blender would not see custom properties
 
     try:
@@ -111,9 +123,7 @@ def playing_each(rig: bpy.types.Object, own: Sequence[RigAction]) -> Iterator[An
             _set(rig, path, value)
         for name, numbers in pose.items():
             rig.pose.bones.foreach_set(name, numbers)
-        data.action = action
-        if slot is not None:
-            data.action_slot = slot
+        assign(rig, action, slot)
         for name, setting in settings.items():
             setattr(data, name, setting)
         if is_new:

@@ -38,7 +38,8 @@ def write(
         rest = np.array([bone.matrix_local for bone in armature.data.bones], np.float64)
         exact = Joints(joints.names, joints.parents, rest, joints.lengths)
         keys, _played = joint_motions.keys_of(exact, found.poses, list(frames))
-        insert_keys(armature, f"{armature.name}_clip", keys, list(frames), created)
+        used = [np.full(len(joints.names), is_used) for is_used in (True, True, keys.has_scales)]
+        insert_keys(new_action(armature, f"{armature.name}_clip", used, created), keys, list(frames), used)
         made = [
             _build_mesh(ob, mesh, armature, clip, number, joints.names, found, created)
             for number, (ob, mesh) in enumerate(zip(objects, copies))
@@ -108,67 +109,44 @@ def build_armature(
     return armature
 
 
-def insert_keys(
-    armature: bpy.types.Object,
-    name: str,
-    keys: Keys,
-    frames: Sequence[int],
-    created: list[Any],
-    used: Sequence[np.ndarray] | None = None,
-    kept: Sequence[np.ndarray] | None = None,
+def new_action(
+    armature: bpy.types.Object, name: str, used: Sequence[np.ndarray], created: list[Any]
 ) -> bpy.types.Action:
-    """Makes an action with these keys, has the armature play it, and returns it. created: gets what was made. used:
-    which bones get keys of their location, rotation and scale, (J,) bools each; None: all, and scale if any bone
-    scales. kept: on which frames, (F, J) bools each; None: on all."""
+    """Makes an action with the F-curves of bones that insert_keys fills, has the armature play it, and returns it.
+    used: which bones get keys of their location, rotation and scale, (J,) bools each. created: gets what was made."""
     action = bpy.data.actions.new(name)
     created.append(action)
     (armature.animation_data or armature.animation_data_create()).action = action
-    if used is None:
-        used = [np.full(len(armature.pose.bones), is_used) for is_used in (True, True, keys.has_scales)]
-    numbers = np.array(frames, np.float32)
-    values = (keys.locations, keys.rotations, keys.scales)
-    for number, j, component in _curves_of(used, values):
+    for number, j, component in _curves_of(used):
         bone = armature.pose.bones[j]
         bone.rotation_mode = "QUATERNION"
-        on = slice(None) if kept is None else kept[number][:, j]
-        curve = clip_keyframes.new_curve(armature, action, bone.path_from_id(CHANNELS[number]), component, bone.name)
-        clip_keyframes.fill(curve, numbers[on], values[number][on, j, component])
+        clip_keyframes.new_curve(armature, action, bone.path_from_id(CHANNELS[number]), component, bone.name)
     return action
 
 
-def insert_other_keys(
-    armature: bpy.types.Object,
-    name: str,
+def insert_keys(
+    action: bpy.types.Action,
     keys: Keys,
     frames: Sequence[int],
-    created: list[Any],
     used: Sequence[np.ndarray],
-    like: bpy.types.Action,
-) -> bpy.types.Action:
-    """Does what insert_keys does, faster, with a copy of what that has made of as many keys of the same channels."""
-    action = like.copy()
-    created.append(action)
-    action.name = name
-    data = armature.animation_data
-    data.action = action
-    if hasattr(data, "action_slot"):
-        data.action_slot = action.slots[0]
-    values = (keys.locations, keys.rotations, keys.scales)
-    rows = [values[number][:, j, component] for number, j, component in _curves_of(used, values)]
-    points = np.empty((len(rows), len(frames), 2), np.float32)
-    points[:, :, 0], points[:, :, 1] = np.array(frames, np.float32), rows
-    for curve, own in zip(animation.action_curves(action), points.reshape(len(rows), -1), strict=True):
-        curve.keyframe_points.foreach_set("co", own)
-        curve.update()
-    return action
+    kept: Sequence[np.ndarray] | None = None,
+) -> None:
+    """Fills an action of new_action, or a copy of it, with keys. kept: on which frames, (F, J) bools each; None: on
+    all."""
+    values = np.concatenate((keys.locations, keys.rotations, keys.scales), axis=2)  # (F, J, 10)
+    points = np.empty((*values.shape[1:], len(frames), 2), np.float32)
+    points[..., 0], points[..., 1] = frames, np.moveaxis(values, 0, 2)
+    for (number, j, component), curve in zip(_curves_of(used), animation.action_curves(action), strict=True):
+        own = points[j, (0, 3, 7)[number] + component]
+        clip_keyframes.fill(curve, own if kept is None else own[kept[number][:, j]])
 
 
-def _curves_of(used, values):
+def _curves_of(used):
     """Yields (number of the channel, bone, component) of each curve, in the order in which an action has them."""
     for j in np.flatnonzero(np.any(used, axis=0)).tolist():
-        for number in range(len(CHANNELS)):
+        for number, size in enumerate((3, 4, 3)):
             if used[number][j]:
-                for component in range(values[number].shape[2]):
+                for component in range(size):
                     yield number, j, component
 
 

@@ -193,7 +193,10 @@ class BakeToBones(available.Explains, ToBonesSettings, bpy.types.Operator):
         column.prop_search(self, "skeleton", bpy.context.scene, "objects")
         column = self.layout.column(align=True)
         column.active = not self.skeleton
-        for name in EXACT_OPTIONS:
+        rig = bpy.context.active_object
+        if rig is not None and rig.type == "ARMATURE":
+            column.prop_search(self, "root", rig.data, "bones")
+        for name in EXACT_OPTIONS[rig is not None and rig.type == "ARMATURE" :]:
             column.prop(self, name)
         for name in ("key_error", "names", "gltf"):
             self.layout.prop(self, name)
