@@ -175,7 +175,8 @@ def _compare_in(graph: Any, scene: Any) -> None:
         moment = rig.at(time) or computing.moment(rig, time)
         if moment is None:
             continue
-        if poses.are_posed([(copy, moment.pose)])[0] or differences.is_near(rig, copy, time):
+        is_same = poses.are_posed([(copy, moment.pose)])[0] and rigs.is_placed(rig, graph, moment)
+        if is_same or differences.is_near(rig, copy, time):
             rig.source.compared |= {int(time)} if time == int(time) else set()
             continue
         # Something may have been edited so that Blender has not noticed it yet. If it differs again, that is not so.
