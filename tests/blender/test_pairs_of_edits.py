@@ -162,6 +162,7 @@ def saved(moves=False):
 @pytest.fixture
 def day(monkeypatch, request):
     monkeypatch.setattr(addon_module("played.accelerating"), "LEAST_WORK", 0)
+    monkeypatch.setattr(addon_module("played.followers"), "BONES_FOR_A_TAG", 0)
     made = Day(moves=getattr(request, "param", False))
     yield made
     made.end()

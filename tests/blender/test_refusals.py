@@ -85,6 +85,7 @@ TABLE = {
         "bones of {} follow it": PART,
         "a simulation follows it": PART,
         "{}, its child, moves by itself": PART,
+        "{} objects hang on it, which would take longer than its bones": PART,
         "drivers of {} read {}": PART,
         "{} uses {}": PART,
         "{} itself has constraints: constrain its root bone instead": sentence(),

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from helpers import addon_module, depsgraph, needs_memory, needs_rig_programs, select
+from characters import accelerate as accelerate_mesh
+from characters import make_armature, make_mesh, pose
+from helpers import addon_module, depsgraph, evaluated, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerating, keep_live, wait
 from test_frozen import FRAMES, Cast, layer
 from test_frozen_who import both, can_render
@@ -115,6 +117,7 @@ class Moving(Cast):
 @pytest.fixture
 def scene(fresh_scene, monkeypatch):
     monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
+    monkeypatch.setattr(addon_module("played.followers"), "BONES_FOR_A_TAG", 0)
     fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
     return fresh_scene
 
@@ -268,19 +271,30 @@ def test_a_size_of_nothing(scene):
 
 
 def test_a_render_of_some_frames(cast, tmp_path):
-    """Blender evaluates all of it in a graph of its own, whose places are compared with what was computed."""
-    if not can_render(cast.scene):
-        pytest.skip("renders nothing here")
+    """Blender evaluates all of it in a graph of its own, between frames, too."""
+    seen = []
+
+    def look(_scene, graph):
+        ours, theirs = ([ob.evaluated_get(graph).matrix_world.copy() for ob in each] for each in cast.hung)
+        seen.append((graph.mode, ours == theirs, ours))
+
+    can_render(cast.scene)
     cast.accelerate()
     cast.scene.render.filepath = str(tmp_path / "frame")
-    cast.scene.camera = cast.hung[0][8]
-    cast.scene.render.resolution_x = cast.scene.render.resolution_y = 16
     cast.scene.frame_start, cast.scene.frame_end = 3, 4
     cast.scene.render.use_motion_blur = True
-    bpy.ops.render.render(animation=True)
+    bpy.app.handlers.frame_change_post.append(look)
+    try:
+        bpy.ops.render.render(animation=True)
+    finally:
+        bpy.app.handlers.frame_change_post.remove(look)
+    rendered = [each for each in seen if each[0] == "RENDER"]
+    assert len(rendered) > 2 and rendered[0][2] != rendered[-1][2] and all(each[1] for each in seen)
     assert cast.rig.difference is None
     cast.play()
-    cast.accelerate()
+    wait(cast)
+    assert cast.rig.is_frozen, cast.rig.reason
+    cast.play()
 
 
 # --- what is Blender's ----------------------------------------------------------------------------
@@ -320,6 +334,30 @@ def test_a_force(cast):
         select(ob)
         bpy.ops.object.forcefield_toggle()
     refused(cast, "is a force")
+
+
+def test_more_objects_than_its_bones_are_worth(cast, monkeypatch):
+    monkeypatch.setattr(addon_module("played.followers"), "BONES_FOR_A_TAG", 4)
+    refused(cast, "objects hang on it")
+
+
+def test_a_rig_that_hangs_on_it(cast):
+    """Blender evaluates that one, behind the place of the first."""
+    for each, (armature, *_) in zip(cast.hung, both(cast)):
+        rider = make_armature()
+        ob = make_mesh(rider, False)
+        rider.parent = armature
+        rider.location.z = 1
+        for frame in (1, 10):
+            pose(rider, frame, True)
+        accelerate_mesh(ob)
+        each += [rider, ob]
+    keep_live(cast)
+    cast.accelerate()
+    cast.play()
+    rider = addon_module("played.rigs").get(cast.hung[0][-2])
+    assert rider is not None and "itself is animated" in rider.reason
+    assert np.array_equal(*(evaluated(each[-1]) for each in cast.hung))
 
 
 @pytest.mark.parametrize("kind", ["driver", "strip", "constraint"])

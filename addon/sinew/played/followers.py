@@ -20,6 +20,8 @@ _BETWEEN_FRAMES = {"FLUID", "DYNAMIC_PAINT"}  # which have Blender evaluate keyf
 # What drivers may read of a bone on each frame.
 _RECORDED = {*poses.RECORDED, "matrix", "matrix_channel", "head", "tail", "length"}
 MOST_NAMES = 3  # that a reason lists
+# Blender takes longer to evaluate an object that is tagged than one that time reaches: by less than these many bones.
+BONES_FOR_A_TAG = 4
 # What may use an armature without being changed by its pose, unless it has drivers.
 _LISTS = (
     bpy.types.Armature,  # of a metarig, which names the rig that Rigify has made of it
@@ -214,7 +216,7 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any, outside_of: Callab
 def _sort_moved(rig: Any, found: Followers, users: dict[Any, set[Any]], graph: Any) -> set[Any]:
     """Sorts in what follows the place of an armature object that moves as a whole, and of what it carries. Returns the
     node groups that read it. Raises NotFreezable."""
-    groups, queue = set(), [rig]
+    groups, queue, before = set(), [rig], len(found.placed)
     for moved in queue:
         if moved.field is not None and moved.field.type != "NONE":
             raise NotFreezable(_moves_and(rig, f"{moved.name} is a force"))
@@ -227,6 +229,9 @@ def _sort_moved(rig: Any, found: Followers, users: dict[Any, set[Any]], graph: A
             elif not isinstance(user, (*_LISTS, bpy.types.Library, bpy.types.Camera, bpy.types.Object)):
                 if _is_evaluated(user, graph) and not (moved == rig and _drivers_on(user, rig)):
                     raise NotFreezable(_moves_and(rig, f"{user.name} uses it"))
+    count = len(found.placed) - before
+    if count * BONES_FOR_A_TAG > len(rig.pose.bones):
+        raise NotFreezable(_moves_and(rig, f"{count} objects hang on it, which would take longer than its bones"))
     found.carried = queue[1:]
     return groups
 

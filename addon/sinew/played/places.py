@@ -26,6 +26,8 @@ class Family:
         rows, own = rows_of(rig, graph), [rig]
         rows[-1] = rows[-1]._replace(objects=(rig,), posed=evaluated)
         for ob in carried:
+            if not values.is_alive(ob) or ob.parent not in own:  # Blender is about to find out
+                continue
             copy = ob.evaluated_get(graph)
             rows.append(Row(len(rows) + own.index(ob.parent) - len(own), self._matrices_of(ob), (ob, copy)))
             own.append(ob)
