@@ -259,6 +259,152 @@ def test_its_parent_stays(scene, parent):
         cast.play()
 
 
+class Carried(Moving):
+    """Its armature objects hang on carts that move, on a plane that does, too; they may move by themselves besides."""
+
+    def __init__(self, scene, channels):
+        super().__init__(scene, channels=channels)
+        self.parents = []
+        for each, (armature, *_) in zip(self.hung, both(self)):
+            ship, cart = self.new("Ship", None), self.new("Cart", None, bpy.data.meshes.new("Cart"))
+            cart.parent, armature.parent = ship, cart
+            cart.matrix_parent_inverse = Matrix.Rotation(0.3, 4, "X")
+            armature.matrix_parent_inverse = Matrix.Translation((0, 0.5, 0))
+            cart.rotation_mode = "QUATERNION"
+            self.parents.append((ship, cart))
+            each += [ship, cart, self.new("Wheel", cart)]
+        for frame in (1, 5, 10):
+            for number, name in ((0, "location"), (0, "scale"), (1, "rotation_quaternion"), (1, "delta_location")):
+                self.move_parents(number, name, frame)
+        scene.frame_set(2)
+        scene.frame_set(1)
+
+    def move_parents(self, number, name, frame=None):
+        numbers = self.random.uniform(0.3, 1, CHANNELS[name])
+        for parents in self.parents:
+            setattr(parents[number], name, numbers)
+            if frame is not None:
+                parents[number].keyframe_insert(name, frame=frame)
+
+
+@pytest.fixture(params=[(), ("location", "rotation_euler")], ids=["carried", "carried and moving"])
+def carried(scene, request):
+    return Carried(scene, request.param)
+
+
+def test_its_parents_move(carried):
+    carried.accelerate()
+    carried.assert_same()
+    assert carried.rig.source.hangs and len(carried.rig.source.compared) > 1
+    carried.play([*FRAMES, 3, -7, 400, 5])
+    carried.scene.frame_set(4, subframe=0.5)
+    carried.assert_same()
+    assert carried.rig.is_frozen
+
+
+def test_blender_does_not_evaluate_bones_because_of_its_parents(carried, monkeypatch):
+    carried.accelerate()
+    carried.scene.frame_set(4)
+    copy = carried.frozen[0].evaluated_get(depsgraph())
+    monkeypatch.setattr(addon_module("played.playing"), "_has_work", lambda: False)
+    before = np.array([bone.matrix for bone in copy.pose.bones])
+    carried.scene.frame_set(9)
+    assert np.array_equal([bone.matrix for bone in copy.pose.bones], before)
+
+
+def pose_it(cast):
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone2"].rotation_quaternion = 0.5, 0.5, 0.5, 0.5
+
+
+def move_it(cast):
+    cast.move("location")
+
+
+def key_it(cast):
+    cast.move("location", 5)
+
+
+def move_its_parent(cast):
+    cast.move_parents(0, "location")
+
+
+def turn_its_parent_without_a_key(cast):
+    cast.move_parents(0, "rotation_euler")
+
+
+def key_its_parent(cast):
+    cast.move_parents(0, "location", 5)
+
+
+def mute_its_parents_curve(cast):
+    for ship, _cart in cast.parents:
+        addon_module("blender.animation").slot_curves(ship)[0].mute = True
+        ship.animation_data.action.update_tag()
+
+
+def hide_its_parent(cast):
+    for ship, _cart in cast.parents:
+        ship.hide_set(True)
+
+
+def free_it(cast):
+    for armature, *_ in both(cast):
+        armature.parent = None
+
+
+def tag_it(cast):
+    for armature, *_ in both(cast):
+        armature.update_tag(refresh={"OBJECT"})
+
+
+def move_the_mesh(cast):
+    for _, ob, *_ in both(cast):
+        ob.location.y += 0.4
+
+
+def add_something(cast):
+    cast.new("New", None)
+
+
+EDITS = [
+    *(pose_it, move_it, key_it, move_its_parent, turn_its_parent_without_a_key, key_its_parent),
+    *(mute_its_parents_curve, hide_its_parent, free_it, tag_it, move_the_mesh, add_something),
+]
+
+
+@pytest.mark.parametrize("second", EDITS, ids=lambda edit: edit.__name__)
+@pytest.mark.parametrize("first", EDITS, ids=lambda edit: edit.__name__)
+def test_two_edits_of_a_rig_whose_parents_move(carried, first, second):
+    carried.accelerate()
+    carried.scene.frame_set(5)
+    first(carried)
+    layer().update()
+    carried.assert_same()
+    second(carried)
+    carried.scene.frame_set(6)
+    carried.assert_same()
+    second(carried)
+    layer().update()
+    carried.assert_same()
+    carried.play([7, 5])
+    wait(carried)
+    carried.play([7, 5])
+
+
+def test_what_its_parent_hangs_on_is_undone(carried):
+    carried.accelerate()
+    carried.scene.frame_set(5)
+    bpy.ops.ed.undo_push(message="before")
+    carried.move_parents(0, "location")
+    bpy.ops.ed.undo_push(message="moved")
+    carried.undo()
+    carried.assert_same()
+    carried.play([6, 5])
+    wait(carried)
+    carried.play()
+
+
 def test_a_size_of_nothing(scene):
     cast = Moving(scene, channels=("location",))
     for frame, size in ((1, (1, 1, 1)), (5, (0, 1, 1)), (10, (0, 0, 0))):

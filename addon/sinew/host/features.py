@@ -202,8 +202,8 @@ FEATURES = {
         "the objects that a constraint follows, and how many a variable of a driver reads",
     ),
     MOVING: Feature(
-        "a rig whose armature object has keyframes stays Blender's",
-        "Object.place Object.transflag Object.rotmode Object.parentinv "
+        "a rig whose armature object, or a parent of it, has keyframes stays Blender's",
+        "Object.place Object.*parent Object.transflag Object.rotmode Object.parentinv "
         + " ".join(f"Object.{name}" for own in members.PLACE_CHANNELS.values() for name in own),
         (FREEZING, FAST_ARMATURES),
         "channels, matrix, inverse and mirroring of an object",

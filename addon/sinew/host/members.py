@@ -124,6 +124,7 @@ MEMBERS: dict[str, dict[str, Member]] = {
         "mode": _int("mode"),
         "*data": _pointer(shown="data"),
         "*pose": _pointer("bPose", shown="pose"),
+        "*parent": _pointer("Object"),
         "transflag": _short(),
         "rotmode": _short(),
         "parentinv": Member("float", 64),

@@ -17,7 +17,6 @@ import numpy as np
 from ..blender import animation, dependencies, spoken_paths
 from ..description import curves, driven_keys, edits, objects, reading, rna_paths, strips
 from ..host import evaluations, poses
-from ..host.places import Channel, channels_in
 from ..native import sinew_native
 from . import changes, differences, followers, leading, places, rigs, settings, watch
 from .followers import Followers
@@ -47,7 +46,7 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
         return
     if rigs.shows(rig, graph, computed) or differences.is_near(rig, copy, frame):
         if rig.source.place:
-            places.prove(rig.ob, rig.source.place, graph)
+            places.prove(rig.source.place, graph)
         rig.source.is_proven, rig.is_posable = True, rig.source.is_posable
         rig.computed = frame, computed
         return
@@ -210,7 +209,7 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
         return False
     all_curves = animation.action_curves(action) if numbers else []
     try:
-        followers.check_place(rig.ob, may_move=True)
+        followers.check_place(rig.ob, graph.view_layer)
         edited = [all_curves[number] for number in numbers]
         edit = last.known.edit(rig.ob, graph, edited, _seen(rig, graph))
         if edit is None:
@@ -246,7 +245,7 @@ def differing(own: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
         given |= {
             each.path: value for each, value in zip(rig.source.settings, settings.read(copy, rig.source.settings))
         }
-        given |= zip(_paths_of(rig.ob, rig.source.place), channels_in(copy, rig.source.place))
+        given |= zip(_paths_of(rig.source.place), places.numbers_of(rig.source.place, graph))
         difference = differences.Difference.between(rig, copy, time, given)
         if difference.is_any():
             changes.differ(rig)
@@ -265,13 +264,13 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
                 f"{scene.name} maps its frames to other times: set Old and New of its Time Stretching alike"
             )
         read = reading.read(rig.ob, graph, keyed, _seen(rig, graph), may_move=True)
-        place = places.channels_of(rig.ob) if read.targets.moves else ()
+        place = places.place_of(rig.ob) if read.targets.moves else ()
         leaders = leading.leaders_of(rig.ob, read.targets, read.outside, graph)
         program = sinew_native.RigProgram(read.description, keep_description=False)
         counts = tuple(len(numbers) for _keys, numbers in keyed)
         own, is_posable = settings.of(rig.ob, read.description)
         wanted = [*map(driven_keys.path_of, range(sum(counts))), *(setting.path for setting in own)]
-        wanted += _paths_of(rig.ob, place)
+        wanted += _paths_of(place)
         moving = [each for each in read.targets.moving.values() if each != rig.ob]
         if moving:  # but not the parents of the armature's object alone
             followed = dependencies.with_parents(dependencies.outside_of(rig.ob))
@@ -280,14 +279,15 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         source = Source(
             program, program.places(wanted), counts, tuple(own), place, leaders, tuple(moving), is_posable=is_posable
         )
+        source.hangs = any(channels for _ob, channels in place[:-1])
     except ValueError as reason:
         return Source(refusal=_in_words(str(reason)))
     _remember(rig, read, source, graph)
     return source
 
 
-def _paths_of(ob: bpy.types.Object, place: Iterable[Channel]) -> list[str]:
-    return [objects.path_of(ob, f"{path}[{index}]") for path, index in place]
+def _paths_of(place: places.Place) -> list[str]:
+    return [objects.path_of(ob, f"{path}[{index}]") for ob, channels in place for path, index in channels]
 
 
 def _in_words(reason: str) -> str:

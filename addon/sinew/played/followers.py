@@ -11,6 +11,7 @@ import bpy
 from ..blender import animation, dependencies, nodes, spoken_paths, values
 from ..blender.values import is_alive
 from ..description import objects, rna_paths
+from ..description import reading as description
 from ..host import contract, features, members, poses, relations
 from ..plan import wiring
 
@@ -322,8 +323,9 @@ def unkeyed(rig: Any, scene: Any, rounding: float = animation.ROUNDING) -> str:
 
 
 def moved_by_keys(rig: Any) -> list[Any]:
-    """Returns the objects that move and are followed by an armature object, and their parents."""
-    return [each for each in dependencies.with_parents(moving(rig, dependencies.outside_of(rig))) if each != rig]
+    """Returns the objects that move and are followed by an armature object, and their parents, and its own."""
+    followed = moving(rig, dependencies.outside_of(rig))
+    return [each for each in dependencies.with_parents([*followed, rig]) if each != rig]
 
 
 def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
@@ -374,8 +376,8 @@ def reading(rig: Any, targets: Sequence[Any]) -> list[Any]:
 
 
 def moves_itself(rig: Any) -> bool:
-    """Whether keyframes move an armature object as a whole."""
-    return any(map(rna_paths.moves_object, _set_as_a_whole(rig)))
+    """Whether keyframes, its own or its parents', move an armature object as a whole."""
+    return description.is_moved_by_keyframes(rig)
 
 
 def _set_as_a_whole(rig: Any) -> list[str]:
@@ -387,11 +389,11 @@ def _set_as_a_whole(rig: Any) -> list[str]:
     return sorted({rna_paths.normalised(curve.data_path) for curve in others if not animation.stays(rig, curve)})
 
 
-def check_place(rig: Any, may_move: bool = False) -> None:
-    """Raises NotFreezable if an armature object may move as a whole while nobody edits it. may_move: keyframes may move
-    it."""
+def check_place(rig: Any, layer: Any = None) -> None:
+    """Raises NotFreezable if an armature object may move as a whole while nobody edits it. layer: a view layer in which
+    keyframes, its own or its parents', may move it; None: these neither."""
     own = _set_as_a_whole(rig)
-    if may_move and contract.has(features.MOVING) and not objects.why_not(rig):
+    if layer is not None and contract.has(features.MOVING) and not objects.why_not(rig):
         own = [path for path in own if not rna_paths.moves_object(path)]
     if own:
         raise NotFreezable(
@@ -400,9 +402,17 @@ def check_place(rig: Any, may_move: bool = False) -> None:
         )
     if dependencies.constraints_of(rig):
         raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
-    check_parent(rig)
+    if layer is None or not _hangs_on_what_is_keyed(rig, layer):
+        check_parent(rig)
     if rig.rigid_body is not None:
         raise NotFreezable(f"{rig.name} is simulated: remove its rigid body")
+
+
+def _hangs_on_what_is_keyed(rig: Any, layer: Any) -> bool:
+    """Whether the parents of an armature object with keyframes are where their own keyframes put them."""
+    parents = dependencies.with_parents([rig])[:-1]
+    is_known = contract.has(features.MOVING) and not objects.why_not(rig) and rig.animation_data is not None
+    return is_known and all(each.type != "ARMATURE" and each.visible_get(view_layer=layer) for each in parents)
 
 
 def check_parent(rig: Any) -> None:

@@ -2,13 +2,15 @@
 hang on it. Time does not reach these objects, so where they are is written as Blender would. What else follows them is
 tagged (followers.py), and Blender evaluates it behind that."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-from ..blender import values
+from ..blender import dependencies, values
 from ..description import curves, rna_paths
 from ..host import places
 from ..host.places import Channel, Row
+
+Place = tuple[tuple[Any, tuple[Channel, ...]], ...]  # see rigs.Source
 
 
 class Family:
@@ -18,12 +20,14 @@ class Family:
         self._known: dict[int, tuple[bytes, bytes]] = {}  # by an object's key: its state, and its matrices
         self._written: list[tuple[Any, bytes]] = []  # each object with its place, the armature's first
 
-    def write(self, rig: Any, channels: Sequence[Channel], numbers: Sequence[float], carried: Any, graph: Any) -> None:
-        """Puts an armature object where numbers of its channels say, and the objects that it carries, parents first."""
+    def write(self, place: Place, numbers: Sequence[float], carried: Any, graph: Any) -> None:
+        """Puts an armature object where numbers say, and the objects that it carries, parents first."""
+        for (ob, channels), own_numbers in zip(place, _split(place, numbers)):
+            places.set_channels(ob, channels, own_numbers)  # a parent's evaluated copy Blender evaluates itself
+        rig, channels = place[-1]
         evaluated = rig.evaluated_get(graph)
-        for each in (rig, evaluated):
-            places.set_channels(each, channels, numbers)
-        rows, own = rows_of(rig, graph), [rig]
+        places.set_channels(evaluated, channels, own_numbers)
+        rows, own = rows_of(place), [rig]
         rows[-1] = rows[-1]._replace(objects=(rig,), posed=evaluated)
         for ob in carried:
             if not values.is_alive(ob) or ob.parent not in own:  # Blender is about to find out
@@ -51,22 +55,40 @@ class Family:
         )
 
 
-def rows_of(rig: Any, graph: Any) -> list[Row]:
-    """Returns the row of an armature object with the channels that it has, and in front of it that of its parent, which
-    stays."""
-    matrices = places.matrices_of(rig)
-    if rig.parent is None:
-        return [Row(-1, matrices[places.MATRIX :])]
-    return [Row(-1, places.world_of(rig.parent.evaluated_get(graph))), Row(0, matrices)]
+def rows_of(place: Place) -> list[Row]:
+    """Returns the rows of an armature object and its parents with the channels that they have."""
+    rows: list[Row] = []
+    for ob, _channels in place:
+        matrices = places.matrices_of(ob)
+        rows.append(Row(-1, matrices[places.MATRIX :]) if ob.parent is None else Row(len(rows) - 1, matrices))
+    return rows
 
 
-def channels_of(ob: Any) -> tuple[Channel, ...]:
-    """Returns the numbers of an object's place that its keyframes set. Raises Refused."""
+def place_of(rig: Any) -> Place:
+    """Returns an armature object and its parents, each one after these, with the numbers of their places that keyframes
+    set. Raises Refused."""
+    return tuple((ob, _channels_of(ob)) for ob in dependencies.with_parents([rig]))
+
+
+def _channels_of(ob: Any) -> tuple[Channel, ...]:
     found = ((rna_paths.normalised(each.data_path), each.array_index) for each in curves.curves_in_effect(ob))
     return tuple(each for each in found if rna_paths.moves_object(each[0]))
 
 
-def prove(rig: Any, channels: Sequence[Channel], graph: Any) -> None:
+def numbers_of(place: Place, graph: Any) -> tuple[float, ...]:
+    """Returns these numbers as Blender has evaluated them."""
+    return tuple(each for ob, channels in place for each in places.channels_in(ob.evaluated_get(graph), channels))
+
+
+def _split(place: Place, numbers: Sequence[float]) -> Iterator[Sequence[float]]:
+    begin = 0
+    for _ob, channels in place:
+        yield numbers[begin : begin + len(channels)]
+        begin += len(channels)
+
+
+def prove(place: Place, graph: Any) -> None:
     """Compares with Blender what would be written into an armature object that Blender evaluates. Raises
     contract.Broken."""
-    places.prove(rig.evaluated_get(graph), rows_of(rig, graph), tuple(channels))
+    rig, channels = place[-1]
+    places.prove(rig.evaluated_get(graph), rows_of(place), channels)

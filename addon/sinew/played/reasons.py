@@ -223,7 +223,7 @@ def check(rig: Any, layer: Any) -> list[Any]:
         raise NotFreezable(f"an NLA strip of {rig.name} is being edited: leave its tweak mode first")
     if rig.mode not in ("OBJECT", "POSE") or rig.data.is_editmode:
         raise NotFreezable(being_edited(rig))
-    followers.check_place(rig, may_move=True)
+    followers.check_place(rig, layer)
     if animation.keyed_curves(rig.data):
         raise NotFreezable(f"the armature {rig.data.name} itself has keyframes, not only its bones: remove those")
     if rig.pose.ik_solver == "ITASC":

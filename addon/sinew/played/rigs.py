@@ -13,7 +13,7 @@ import numpy as np
 from ..blender import dependencies, values
 from ..blender.values import is_alive
 from ..host import actions, evaluations, key_blocks, poses
-from ..host.places import Channel, channels_in
+from ..host.places import Channel
 from . import followers, places, records, settings
 from .followers import Followers
 from .resting import Rest
@@ -41,9 +41,11 @@ class Source:
     places: Any = None  # of the numbers that it computes besides: values of shape keys, then settings
     counts: tuple[int, ...] = ()  # how many of them each data-block of shape keys has
     settings: tuple[Setting, ...] = ()  # that keyframes and drivers set besides
-    place: tuple[Channel, ...] = ()  # the numbers of its own place that keyframes set
+    # If it moves as a whole: its parents and itself, each with the numbers of its place that keyframes set.
+    place: tuple[tuple[Any, tuple[Channel, ...]], ...] = ()
     leaders: tuple[Any, ...] = ()  # what it follows of other armatures, leading.Leader
     moving: tuple[Any, ...] = ()  # the other objects that it computes, as it follows them, parents first
+    hangs: bool = False  # its parents move
     is_proven: bool = False  # it has computed what Blender has
     is_posable: bool = False  # keyframes set nothing but what is written on each frame
     refusal: str = ""  # why there is no program
@@ -94,6 +96,7 @@ class Rig:
     posed_on: float | None = None  # the frame on which Blender has last evaluated it while it is POSED
     # What it follows, with parents, if relations were built without some of it.
     unseen: list[Any] = field(default_factory=list)
+    hangs_unseen: bool = False  # relations were built without its parent, which moves
     rest: Rest = field(default_factory=Rest)  # from edits on each frame
     tries: int = 0  # see accelerating.py
     tries_to_skip: int = 0
@@ -317,7 +320,7 @@ class Moment(NamedTuple):
     pose: np.ndarray  # (N,) uint8, see host/poses.py
     keys: tuple[tuple[float, ...], ...]  # the values of the keys that followers.keyed lists
     settings: tuple[float, ...] = ()  # the values of those that source.settings lists
-    place: tuple[float, ...] = ()  # those that source.place lists
+    place: tuple[float, ...] = ()  # the numbers that source.place lists
 
     @property
     def nbytes(self) -> int:
@@ -328,9 +331,8 @@ def moment_of(rig: Rig, graph: Any) -> Moment:
     """Returns what an evaluation has made of an armature."""
     values_now = tuple(key_blocks.values_of(keys.evaluated_get(graph), numbers) for keys, numbers in keyed(rig, graph))
     copy = evaluated_copy(rig, graph)
-    return Moment(
-        poses.record(copy), values_now, settings.read(copy, rig.source.settings), channels_in(copy, rig.source.place)
-    )
+    own = settings.read(copy, rig.source.settings)
+    return Moment(poses.record(copy), values_now, own, places.numbers_of(rig.source.place, graph))
 
 
 def keyed(rig: Rig, graph: Any) -> list[tuple[Any, tuple[int, ...]]]:
@@ -349,8 +351,7 @@ def shows(rig: Rig, graph: Any, moment: Any) -> bool:
 
 def is_placed(rig: Rig, graph: Any, moment: Moment) -> bool:
     """Whether an armature is where it was recorded, or what moves it is not."""
-    copy = evaluated_copy(rig, graph)
-    return not rig.source.place or copy is not None and channels_in(copy, rig.source.place) == moment.place
+    return not rig.source.place or places.numbers_of(rig.source.place, graph) == moment.place
 
 
 def are_left(graph: Any, own: Sequence[Rig]) -> list[bool]:
@@ -413,7 +414,7 @@ def _write_settings(rig: Rig, graph: Any, moment: Moment, before: Sequence[float
 def _place(rig: Rig, graph: Any, moment: Moment) -> None:
     rig.family.forget()
     if rig.source.place:
-        rig.family.write(rig.ob, rig.source.place, moment.place, rig.followers.carried, graph)
+        rig.family.write(rig.source.place, moment.place, rig.followers.carried, graph)
 
 
 def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
