@@ -24,9 +24,10 @@ PARTS = "armature", "bound", "twin", "prop"
 
 class Day:
     """Two characters in a file: the first is computed, the second stays live. Each edit is made to both. moves: their
-    armature objects have keyframes, and their meshes hang on these."""
+    armature objects have keyframes, their meshes hang on these, and with "with its parent" these on what moves, too."""
 
     def __init__(self, moves=False):
+        self.moves = moves
         bpy.ops.wm.read_homefile(filepath=saved(moves))
         self.take()
         keep_live(self.cast)
@@ -147,6 +148,12 @@ def saved(moves=False):
         for part, ob in zip(PARTS, character):
             ob[ROLE] = f"{who} {part}"
         if moves:
+            parent = bpy.data.objects.new("Horse", None)
+            scene.collection.objects.link(parent)
+            for frame in (1, 9):
+                parent.location.x = 0.2 * frame
+                parent.keyframe_insert("location", frame=frame)
+            character[0].parent = parent if moves == "with its parent" else None
             for ob in character[1:3]:
                 ob.parent = character[0]
             for number, frame in enumerate((1, 4, 10)):
@@ -509,6 +516,27 @@ def parent_the_rig(day):
         armature.parent = parent
 
 
+def parent_the_rig_to_what_moves(day):
+    for armature in day.armatures():
+        parent = bpy.data.objects.new("Mover", None)
+        day.scene.collection.objects.link(parent)
+        for frame in (2, 8):
+            parent.location.y = frame
+            parent.keyframe_insert("location", frame=frame)
+        armature.parent = parent
+
+
+def move_the_parent(day):
+    for armature in filter(lambda each: each.parent is not None, day.armatures()):
+        armature.parent.location.x += 0.5
+
+
+def key_the_parent(day):
+    for armature in filter(lambda each: each.parent is not None, day.armatures()):
+        armature.parent.location.z += 0.5
+        armature.parent.keyframe_insert("location")
+
+
 def hide_the_rig(day):
     for armature in day.armatures():
         armature.hide_set(not armature.hide_get())
@@ -617,7 +645,7 @@ def undo_the_last(day):
 
 
 def save_and_open(day):
-    path = str(Path(saved()).with_name("again.blend"))
+    path = str(Path(saved(day.moves)).with_name("again.blend"))
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
     bpy.ops.ed.undo_push(message="opened")  # which Blender does where there is a window
@@ -626,7 +654,7 @@ def save_and_open(day):
 
 
 def save(day):
-    bpy.ops.wm.save_as_mainfile(filepath=str(Path(saved()).with_name("again.blend")), copy=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(Path(saved(day.moves)).with_name("again.blend")), copy=True)
 
 
 OF_ANIMATION = [
@@ -671,7 +699,7 @@ OF_PLACES = [
     *(move_the_armature, key_the_armature, key_the_armature_here, turn_the_armature, mirror_the_armature),
     *(shift_the_armature, change_the_mode_of_rotation, mute_the_armatures_curves, unkey_the_armature),
     *(constrain_the_armature, move_the_meshes, key_the_meshes, hang_something_on_the_mesh, free_the_meshes),
-    parent_the_rig,
+    *(parent_the_rig, parent_the_rig_to_what_moves, move_the_parent, key_the_parent),
 ]
 ANY = list(dict.fromkeys([*EDITS, *OF_PLACES]))
 # Where the first edit has removed what the second one wants, or has made what it would make.
@@ -705,7 +733,10 @@ IN_WORDS = {"ids": lambda edit: getattr(edit, "__name__", None)}
 
 
 @pytest.mark.parametrize(
-    ("day", "edit"), [(False, each) for each in EDITS] + [(True, each) for each in ANY], indirect=["day"], **IN_WORDS
+    ("day", "edit"),
+    [(False, each) for each in EDITS] + [(how, each) for how in ("alone", "with its parent") for each in ANY],
+    indirect=["day"],
+    **IN_WORDS,
 )
 def test_each_edit_can_be_made(day, edit):
     assert day.cast.rig.is_frozen, day.cast.rig.reason
@@ -729,7 +760,7 @@ PAIRS = [(first, second) for first in ANY for second in ANY if first in OF_PLACE
 @pytest.mark.sampled(80)
 @pytest.mark.parametrize("moment", MOMENTS, **IN_WORDS)
 @pytest.mark.parametrize(("first", "second"), PAIRS, **IN_WORDS)
-@pytest.mark.parametrize("day", [True], indirect=True, ids=["moves"])
+@pytest.mark.parametrize("day", ["alone", "with its parent"], indirect=True)
 def test_two_edits_of_a_rig_that_moves(day, first, second, moment):
     make_two(day, first, second, moment)
 

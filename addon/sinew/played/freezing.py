@@ -280,13 +280,19 @@ def pose(rig: rigs.Rig) -> bool:
     follows_itself = any(each in rig.followers.shaped for each in rig.unseen)
     if not rig.is_posable or follows_itself or any(watch.may_have_moved(each, graph) for each in rig.unseen):
         return False
-    copy = rigs.evaluated_copy(rig, graph)
-    if rig.hangs_unseen and (
-        copy is None or evaluations.is_transform_tagged(copy)
-    ):  # it would be placed without its parent
+    if is_moved_unseen(rig, graph):
         return False
     rig.state, rig.pose, rig.posed_on = State.POSED, None, None
     return True
+
+
+def is_moved_unseen(rig: rigs.Rig, graph: Any) -> bool:
+    """Whether an edit moves an armature whose parent Blender does not see, or that parent: it would be elsewhere."""
+    if not rig.hangs_unseen:
+        return False
+    copy = rigs.evaluated_copy(rig, graph)
+    is_tagged = copy is None or evaluations.is_transform_tagged(copy)
+    return is_tagged or any(watch.may_have_moved(each, graph) for each in rig.unseen)
 
 
 def note_posed(rig: rigs.Rig, graph: Any) -> None:

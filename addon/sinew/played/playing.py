@@ -82,6 +82,8 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
             if why:
                 reasons[rig.key] = why
         if not rig.is_frozen:
+            if freezing.is_moved_unseen(rig, graph):
+                reasons[rig.key] = f"{rig.name} was edited"
             freezing.look_at_keys(rig, graph, is_new_frame)
     anew = {rig.ob for rig in own if rig.shown is None}
     posed = [rig for rig in own if not rig.is_frozen] if anew else []
