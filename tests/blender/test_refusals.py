@@ -373,6 +373,7 @@ TABLE = {
     "host.relations": {
         "actions are not where they were": PART,
         "constraints are not where they were": PART,
+        "the parents of objects are not where they were": PART,
         "what drivers read is not where it was": PART,
         "drivers have other types": PART,
         "drivers on each frame": PART,
