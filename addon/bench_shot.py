@@ -1,8 +1,8 @@
 """Measures how long a frame of a whole shot takes with Blender's modifiers and with Sinew, in the same process.
 
-    blender -b --python-exit-code 1 --python addon/bench_shot.py -- [--characters N] [--parts] [--without WHAT]...
+    blender -b --python-exit-code 1 --python addon/bench_shot.py -- [--parts] [--moving] [--without WHAT]...
 
-With --frozen it measures something else, see bench_frozen.py.
+With --frozen it measures something else, see bench_frozen.py. With --moving the armature objects have keyframes.
 
 Rigify humans, duplicated with their rigs as Shift D does. Each has a body of 30,000 vertices with 20 shape keys driven
 by bones, four garments of 4,000 to 8,000 vertices with their own weights, a Corrective Smooth after the
@@ -74,17 +74,28 @@ def part_of(ob):
 # --- the shot -------------------------------------------------------------------------------------
 
 
-def make_shot(characters, without):
+def make_shot(characters, without, moving=False):
     """Builds the shot in the open file. Returns [Person]."""
     people = [make_person(without)]
     people += [duplicate(people[0]) for _ in range(characters - 1)]
     for seed, person in enumerate(people, start=1):
         animate(person.rig, seed)
+        if moving:
+            move(person.rig, seed)
         if "keys" not in without:
             drive_keys(person.meshes[0], seed)
     if "props" not in without:
         add_props()
     return people
+
+
+def move(rig, seed):
+    """Has a person walk and turn."""
+    for frame in (FRAMES[0], FRAMES[-1]):
+        rig.location = seed, 0.02 * frame, 0.1
+        rig.rotation_euler.z = 0.01 * frame
+        rig.keyframe_insert("location", frame=frame)
+        rig.keyframe_insert("rotation_euler", frame=frame)
 
 
 def make_person(without):
@@ -172,11 +183,11 @@ def parts_of(meshes, each):
     return parts
 
 
-def measure(characters, without=(), each_part=False, rounds=SHOT_ROUNDS):
+def measure(characters, without=(), each_part=False, rounds=SHOT_ROUNDS, moving=False):
     """Returns a list with one row (a dictionary) per part, and the largest difference of the shapes."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
-    people = make_shot(characters, without)
+    people = make_shot(characters, without, moving)
     meshes = [ob for person in people for ob in person.meshes]
     parts = parts_of(meshes, each_part)
     times, worst = {}, 0.0  # the median of each round, by what was on show
@@ -259,6 +270,7 @@ def parsed(arguments):
     parser.add_argument("--without", action="append", choices=LEFT_OUT, default=[], help="may be repeated")
     parser.add_argument("--parts", action="store_true", help="also measure bodies, clothes and smoothed clothes alone")
     parser.add_argument("--frozen", action="store_true", help="all characters but one frozen, see bench_frozen.py")
+    parser.add_argument("--moving", action="store_true", help="the armature objects have keyframes, too")
     parser.add_argument("--json")
     return parser.parse_args(arguments)
 
@@ -271,6 +283,7 @@ def main(arguments):
         bench_frozen.main(options)
         return
     without = f", without {', '.join(options.without)}" if options.without else ""
+    without += ", moving" if options.moving else ""
     print(
         f"\nBlender {bpy.app.version_string}, {options.characters} characters{without}, milliseconds per frame, "
         f"medians of {SHOT_ROUNDS} x {len(FRAMES)} frames\n"
@@ -280,7 +293,7 @@ def main(arguments):
         "| Sinew adds | less | modifiers, per mesh | Sinew, per mesh |"
     )
     print("|" + "---|" * 13)
-    rows, worst = measure(options.characters, options.without, options.parts)
+    rows, worst = measure(options.characters, options.without, options.parts, moving=options.moving)
     for row in rows:
         print(line(row), flush=True)
     print(f"| Shapes of all meshes: off by {worst:.1e} of the diagonal at most |" + " |" * 12)

@@ -28,6 +28,7 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
   add_library(${target} MODULE
     bindings/host/bind_described.cpp
     bindings/host/bind_host.cpp
+    bindings/host/bind_places.cpp
     bindings/host/bind_pose_record.cpp
     bindings/host/bind_shortcut.cpp
     bindings/host/bind_stored_curves.cpp

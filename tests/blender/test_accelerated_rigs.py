@@ -237,8 +237,8 @@ def misread_the_last_key(monkeypatch):
     reading = addon_module("description.reading")
     read = reading.read
 
-    def read_wrongly(*arguments):
-        found = read(*arguments)
+    def read_wrongly(*arguments, **settings):
+        found = read(*arguments, **settings)
         curve = next(each for each in found.description["curves"] if each["path"] == 'pose.bones["bone1"].location')
         curve["keys"][-1][3] += 0.01
         return found
@@ -321,8 +321,8 @@ def misread(monkeypatch):
     reading = addon_module("description.reading")
     read = reading.read
 
-    def moved(*arguments):
-        found = read(*arguments)
+    def moved(*arguments, **settings):
+        found = read(*arguments, **settings)
         for bone in found.description["bones"]:
             bone["matrix_local"][0][3] += 0.01
         return found
@@ -356,8 +356,8 @@ def test_on_other_systems_the_last_bits_may_differ(cast, monkeypatch, off, count
     reading = addon_module("description.reading")
     read = reading.read
 
-    def read_almost(*arguments):
-        found = read(*arguments)
+    def read_almost(*arguments, **settings):
+        found = read(*arguments, **settings)
         for bone in found.description["bones"]:
             bone["matrix_local"][0][3] += off
         return found

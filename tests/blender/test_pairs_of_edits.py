@@ -23,10 +23,12 @@ PARTS = "armature", "bound", "twin", "prop"
 
 
 class Day:
-    """Two characters in a file: the first is computed, the second stays live. Each edit is made to both."""
+    """Two characters in a file: the first is computed, the second stays live. Each edit is made to both. moves: their
+    armature objects have keyframes, their meshes hang on these, and with "with its parent" these on what moves, too."""
 
-    def __init__(self):
-        bpy.ops.wm.read_homefile(filepath=saved())
+    def __init__(self, moves=False):
+        self.moves = moves
+        bpy.ops.wm.read_homefile(filepath=saved(moves))
         self.take()
         keep_live(self.cast)
         self.handlers, self.posed = [], 0
@@ -92,6 +94,8 @@ class Day:
         assert channels_of(ours) == channels_of(theirs), "the originals' channels differ"
         ours, theirs = ([bone.matrix for bone in armature.pose.bones] for armature in self.armatures())
         assert ours == theirs, "the originals' bones differ"
+        ours, theirs = ([place_of(ob) for ob in each if ob.visible_get()] for each in both(self.cast))
+        assert ours == theirs, "the originals are elsewhere"
 
     @staticmethod
     def compare_objects(ours, theirs):
@@ -116,8 +120,17 @@ def channels_of(armature):
     return found + [armature[name] for name in ("free", "level")]
 
 
+def place_of(ob):
+    names = ("location", "rotation_euler", "rotation_quaternion", "scale", "delta_location", "matrix_world")
+    return [
+        tuple(map(tuple, value)) if name == "matrix_world" else tuple(value)
+        for name in names
+        for value in [getattr(ob, name)]
+    ]
+
+
 @functools.cache
-def saved():
+def saved(moves=False):
     """Returns the path of a file with both characters."""
     bpy.ops.wm.read_homefile(use_empty=True)
     scene = bpy.context.scene
@@ -134,15 +147,30 @@ def saved():
         followed.target, followed.influence = goal, 0.3
         for part, ob in zip(PARTS, character):
             ob[ROLE] = f"{who} {part}"
+        if moves:
+            parent = bpy.data.objects.new("Horse", None)
+            scene.collection.objects.link(parent)
+            for frame in (1, 9):
+                parent.location.x = 0.2 * frame
+                parent.keyframe_insert("location", frame=frame)
+            character[0].parent = parent if moves == "with its parent" else None
+            for ob in character[1:3]:
+                ob.parent = character[0]
+            for number, frame in enumerate((1, 4, 10)):
+                character[0].location = number, -frame, 0.3
+                character[0].rotation_euler.z = 0.1 * frame
+                for name in ("location", "rotation_euler"):
+                    character[0].keyframe_insert(name, frame=frame)
     path = str(Path(tempfile.mkdtemp()) / "day.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
     return path
 
 
 @pytest.fixture
-def day(monkeypatch):
+def day(monkeypatch, request):
     monkeypatch.setattr(addon_module("played.accelerating"), "LEAST_WORK", 0)
-    made = Day()
+    monkeypatch.setattr(addon_module("played.followers"), "BONES_FOR_A_TAG", 0)
+    made = Day(moves=getattr(request, "param", False))
     yield made
     made.end()
 
@@ -313,6 +341,76 @@ def key_the_armature(armature):
 
 
 @to_each
+def key_the_armature_here(armature):
+    armature.location.y += 0.5
+    armature.keyframe_insert("location")
+
+
+@to_each
+def turn_the_armature(armature):
+    armature.rotation_euler = 0.3, 0.2, 0.1
+
+
+@to_each
+def mirror_the_armature(armature):
+    armature.scale.x *= -1
+
+
+@to_each
+def shift_the_armature(armature):
+    armature.delta_location.z += 0.5
+
+
+@to_each
+def change_the_mode_of_rotation(armature):
+    armature.rotation_quaternion = 0.5, 0.5, 0.5, 0.5
+    armature.rotation_mode = "QUATERNION"
+
+
+@to_each
+def mute_the_armatures_curves(armature):
+    for curve in animation.curves_of(armature):
+        curve.mute = curve.data_path == "location"
+
+
+@to_each
+def unkey_the_armature(armature):
+    armature.keyframe_delete("location", frame=4)
+
+
+@to_each
+def constrain_the_armature(armature):
+    armature.constraints.new("LIMIT_LOCATION").use_max_z = True
+
+
+def move_the_meshes(day):
+    for character in day.characters():
+        for ob in character[1:3]:
+            ob.location.x += 0.7
+
+
+def key_the_meshes(day):
+    for character in day.characters():
+        for ob in character[1:3]:
+            ob.location.y -= 0.7
+            ob.keyframe_insert("location")
+
+
+def hang_something_on_the_mesh(day):
+    for character in day.characters():
+        hung = bpy.data.objects.new("Hung", None)
+        day.scene.collection.objects.link(hung)
+        hung.parent = character[1]
+        character[3].constraints.new("COPY_LOCATION").target = hung
+
+
+def free_the_meshes(day):
+    for character in day.characters():
+        for ob in character[1:3]:
+            ob.parent = None
+
+
+@to_each
 def rest_position(armature):
     armature.data.pose_position = "REST" if armature.data.pose_position == "POSE" else "POSE"
 
@@ -416,6 +514,27 @@ def parent_the_rig(day):
         day.scene.collection.objects.link(parent)
         parent.location.y = 2
         armature.parent = parent
+
+
+def parent_the_rig_to_what_moves(day):
+    for armature in day.armatures():
+        parent = bpy.data.objects.new("Mover", None)
+        day.scene.collection.objects.link(parent)
+        for frame in (2, 8):
+            parent.location.y = frame
+            parent.keyframe_insert("location", frame=frame)
+        armature.parent = parent
+
+
+def move_the_parent(day):
+    for armature in filter(lambda each: each.parent is not None, day.armatures()):
+        armature.parent.location.x += 0.5
+
+
+def key_the_parent(day):
+    for armature in filter(lambda each: each.parent is not None, day.armatures()):
+        armature.parent.location.z += 0.5
+        armature.parent.keyframe_insert("location")
 
 
 def hide_the_rig(day):
@@ -526,7 +645,7 @@ def undo_the_last(day):
 
 
 def save_and_open(day):
-    path = str(Path(saved()).with_name("again.blend"))
+    path = str(Path(saved(day.moves)).with_name("again.blend"))
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
     bpy.ops.ed.undo_push(message="opened")  # which Blender does where there is a window
@@ -535,7 +654,7 @@ def save_and_open(day):
 
 
 def save(day):
-    bpy.ops.wm.save_as_mainfile(filepath=str(Path(saved()).with_name("again.blend")), copy=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(Path(saved(day.moves)).with_name("again.blend")), copy=True)
 
 
 OF_ANIMATION = [
@@ -575,6 +694,14 @@ EDITS = [
     *(change_the_range, change_the_tempo, handler_that_poses, handler_before_frames, no_handlers, undo_a_pose),
     *(undo_and_redo, undo_the_last, save_and_open, save),
 ]
+# Of armature objects that move, and what hangs on them.
+OF_PLACES = [
+    *(move_the_armature, key_the_armature, key_the_armature_here, turn_the_armature, mirror_the_armature),
+    *(shift_the_armature, change_the_mode_of_rotation, mute_the_armatures_curves, unkey_the_armature),
+    *(constrain_the_armature, move_the_meshes, key_the_meshes, hang_something_on_the_mesh, free_the_meshes),
+    *(parent_the_rig, parent_the_rig_to_what_moves, move_the_parent, key_the_parent),
+]
+ANY = list(dict.fromkeys([*EDITS, *OF_PLACES]))
 # Where the first edit has removed what the second one wants, or has made what it would make.
 GONE = AttributeError, IndexError, KeyError, RuntimeError, StopIteration, TypeError
 
@@ -602,9 +729,17 @@ def on_another_frame(day):
 MOMENTS = [in_the_same_update, after_an_update, on_the_next_frame, on_another_frame]
 
 
-@pytest.mark.parametrize("edit", EDITS, ids=lambda edit: edit.__name__)
+IN_WORDS = {"ids": lambda edit: getattr(edit, "__name__", None)}
+
+
+@pytest.mark.parametrize(
+    ("day", "edit"),
+    [(False, each) for each in EDITS] + [(how, each) for how in ("alone", "with its parent") for each in ANY],
+    indirect=["day"],
+    **IN_WORDS,
+)
 def test_each_edit_can_be_made(day, edit):
-    assert day.cast.rig.is_frozen
+    assert day.cast.rig.is_frozen, day.cast.rig.reason
     edit(day)
     day.update()
     for frame in (OTHER, OTHER + 1):
@@ -612,11 +747,26 @@ def test_each_edit_can_be_made(day, edit):
 
 
 @pytest.mark.sampled(80)
-@pytest.mark.parametrize("moment", MOMENTS, ids=lambda moment: moment.__name__)
-@pytest.mark.parametrize("second", EDITS, ids=lambda edit: edit.__name__)
-@pytest.mark.parametrize("first", EDITS, ids=lambda edit: edit.__name__)
+@pytest.mark.parametrize("moment", MOMENTS, **IN_WORDS)
+@pytest.mark.parametrize("second", EDITS, **IN_WORDS)
+@pytest.mark.parametrize("first", EDITS, **IN_WORDS)
 def test_two_edits(day, first, second, moment):
-    assert day.cast.rig.is_frozen
+    make_two(day, first, second, moment)
+
+
+PAIRS = [(first, second) for first in ANY for second in ANY if first in OF_PLACES or second in OF_PLACES]
+
+
+@pytest.mark.sampled(80)
+@pytest.mark.parametrize("moment", MOMENTS, **IN_WORDS)
+@pytest.mark.parametrize(("first", "second"), PAIRS, **IN_WORDS)
+@pytest.mark.parametrize("day", ["alone", "with its parent"], indirect=True)
+def test_two_edits_of_a_rig_that_moves(day, first, second, moment):
+    make_two(day, first, second, moment)
+
+
+def make_two(day, first, second, moment):
+    assert day.cast.rig.is_frozen, day.cast.rig.reason
     first(day)
     moment(day)
     try:

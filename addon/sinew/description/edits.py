@@ -29,7 +29,7 @@ class Known:
         rows, mixed = read.description["curves"], strips.numbers_of(read.description)
         self._curves = {(row["path"], row["index"]) for row in rows}
         is_clear = not read.targets.has_actions() and len(self._curves) == len(rows)
-        self._state = _state(ob) if is_clear else None
+        self._state = _state(ob, self.targets.moves) if is_clear else None
         animated = {row["path"] for row in (*rows, *read.description["drivers"])} | {path for path, _index in mixed}
         paths_of = [each.path_from_id() for bone in ob.pose.bones for each in dependencies.constraints_of(bone)]
         self._is_written = [
@@ -47,7 +47,11 @@ class Known:
         """Returns what RigProgram.edited is given, or None if something else has changed. From then on, these are the
         numbers that are known. edited: the curves of the object's action whose keyframes are others; seen: as
         reading.read is given it. Raises ValueError if something from outside can no longer be read."""
-        if self._state is None or _state(ob) != self._state or list(self._read_switches(ob)) != self._switches:
+        if (
+            self._state is None
+            or _state(ob, self.targets.moves) != self._state
+            or list(self._read_switches(ob)) != self._switches
+        ):
             return None
         if self._read_modes() != self._modes or self._read_objects() != self._objects:
             return None
@@ -69,12 +73,13 @@ class Known:
 
     def _read_objects(self) -> str:
         """Returns the places and the keyframes of other objects that are computed, too, and splines, as text."""
-        own = objects.moving(self.targets.outside.values())
+        itself = [(self.targets.ob, "")] if self.targets.moves else []
+        own = objects.moving([*self.targets.outside.values(), *itself])
         for curve in self.targets.splines.values():
             splines.check(curve)
         values = splines.values_of(self.targets, self.outside)
         keyed = objects.properties_of(self.outside.keyed.values())
-        rows = objects.rows_of(own), keyed, splines.rows_of(self.targets), list(values)
+        rows = objects.unkeyed_rows_of(own), keyed, splines.rows_of(self.targets), list(values)
         return json.dumps(rows, default=reading.as_list)
 
     def _read_switches(self, ob: bpy.types.Object) -> Iterator[tuple[Any, ...]]:
@@ -162,9 +167,10 @@ def settings_of(ob: bpy.types.Object) -> Any:
     return None if found is None else found[:-1]
 
 
-def _state(ob: bpy.types.Object) -> Any:
+def _state(ob: bpy.types.Object, moves: bool = False) -> Any:
     """Returns what is equal at two times if all that an armature object is read from is, except for how it is posed,
-    its custom properties, its keyframes, and what comes from outside. None if that cannot be told."""
+    its custom properties, its keyframes, and what comes from outside. None if that cannot be told. moves: wherever its
+    object is, too."""
     data = ob.animation_data
     if not bone_bytes.can_read() or data is not None and data.use_tweak_mode:
         return None
@@ -185,4 +191,4 @@ def _state(ob: bpy.types.Object) -> Any:
     ]
     found += [getattr(data, "action_slot_handle", 0), ob.parent_type, ob.parent_bone, len(ob.constraints)]
     found += [ob.rigid_body is None, ob.data.pose_position, ob.pose.ik_solver, ob.mode == "EDIT", ob.data.is_editmode]
-    return [*found, [list(row) for row in ob.matrix_world]]
+    return [*found, None if moves else [list(row) for row in ob.matrix_world]]

@@ -47,6 +47,18 @@ def rows_of(own: Iterable[bpy.types.Object]) -> tuple[list[dict[str, Any]], list
     return [_row_of(each) for each in own], [row for each in own for row in _curves_of(each)]
 
 
+def unkeyed_rows_of(own: Iterable[bpy.types.Object]) -> Any:
+    """Returns the same without those numbers that keyframes set, which are others on each frame."""
+    rows, keyed = rows_of(own)
+    keyed_numbers = {(row["path"], row["index"]) for row in keyed}
+    for ob, row in zip(own, rows):
+        names = [(name, i) for name in (*_CHANNELS, *_DELTAS) for i in range(len(getattr(ob, name)) if name else 4)]
+        for number, (name, index) in enumerate(names):
+            if (f"{_start_of(ob)}.{name}", index) in keyed_numbers:
+                row["values"][number] = None
+    return rows, keyed
+
+
 class Animated(NamedTuple):
     """What keyframes set of another object, if nothing else sets it: what is known of it on each frame."""
 

@@ -61,9 +61,11 @@ def without_collecting() -> Iterator[None]:
             gc.enable()
 
 
-def _is_moved_by_keyframes(ob: bpy.types.Object) -> bool:
+def is_moved_by_keyframes(ob: bpy.types.Object) -> bool:
     """Whether keyframes, and nothing else, move an object."""
     lineage = dependencies.with_parents([ob])
+    if not any(rna_paths.moves_object(curve.data_path) for each in lineage for curve in animation.slot_curves(each)):
+        return False  # the usual case
     return not objects.why_not(ob) and any(
         rna_paths.moves_object(rna_paths.normalised(curve.data_path)) and not animation.stays(each, curve)
         for each in lineage
@@ -90,7 +92,7 @@ def read(
     if not CAN_READ:
         raise ValueError("rigs can be programs from Blender 4.2 on")
     depsgraph = depsgraph or bpy.context.evaluated_depsgraph_get()
-    found, outside = targets.Targets(ob, may_move and _is_moved_by_keyframes(ob)), driver_rows.Outside()
+    found, outside = targets.Targets(ob, may_move and is_moved_by_keyframes(ob)), driver_rows.Outside()
     if ob.data.pose_position != "POSE":
         found.refused.append(f"{ob.data.name} shows its rest position: switch it to Pose Position")
     if ob.pose.ik_solver != "LEGACY":

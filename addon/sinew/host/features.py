@@ -54,6 +54,7 @@ POSED = "Edits of native rigs"
 NUMBERS = "Numbers of bones"
 VARIABLES = "Drivers of native rigs"
 FOLLOWING = "Rigs that follow objects with keyframes"
+MOVING = "Rigs whose object has keyframes"
 
 _FULL = "take more steps on each frame"
 _OF_POSE = "*next", "runtime", "chan_mat", "pose_mat", "pose_head", "pose_tail"
@@ -199,6 +200,13 @@ FEATURES = {
         "bConstraint DriverVar.num_targets DriverTarget.*id " + " ".join(members.CONSTRAINTS.values()),
         (FREEZING,),
         "the objects that a constraint follows, and how many a variable of a driver reads",
+    ),
+    MOVING: Feature(
+        "a rig whose armature object, or a parent of it, has keyframes stays Blender's",
+        "Object.place Object.*parent Object.transflag Object.rotmode Object.parentinv "
+        + " ".join(f"Object.{name}" for own in members.PLACE_CHANNELS.values() for name in own),
+        (FREEZING, FAST_ARMATURES),
+        "channels, matrix, inverse and mirroring of an object",
     ),
 }
 

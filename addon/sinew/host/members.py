@@ -54,6 +54,18 @@ BEND = {
     **dict.fromkeys(("roll1", "roll2", "curveInX", "curveInY", "curveOutX", "curveOutY", "ease1", "ease2"), 4),
 }
 CHANNELS = {"loc": 12, "size": 12, "eul": 12, "quat": 16, "rotAxis": 12, "rotAngle": 4, **BEND}
+# What keyframes set of an object's place, by what Blender's API calls it: its members with their sizes in bytes.
+PLACE_CHANNELS = {
+    "location": {"loc": 12},
+    "rotation_quaternion": {"quat": 16},
+    "rotation_axis_angle": {"rotAngle": 4, "rotAxis": 12},
+    "rotation_euler": {"rot": 12},
+    "scale": {"size": 12},
+    "delta_location": {"dloc": 12},
+    "delta_rotation_quaternion": {"dquat": 16},
+    "delta_rotation_euler": {"drot": 12},
+    "delta_scale": {"dscale": 12},
+}
 # What else people set in a pose bone, by what Blender's API calls each of three numbers.
 LIMITS = {
     "ikstretch": ("ik_stretch",),
@@ -108,7 +120,16 @@ MODIFIERS = {
 # A pointer's name begins with "*". The type of a pointer is omitted if it differs between Blender versions.
 MEMBERS: dict[str, dict[str, Member]] = {
     "ID": {"*orig_id": _pointer("ID", shown="original"), "recalc": _int(), "us": _int()},
-    "Object": {"mode": _int("mode"), "*data": _pointer(shown="data"), "*pose": _pointer("bPose", shown="pose")},
+    "Object": {
+        "mode": _int("mode"),
+        "*data": _pointer(shown="data"),
+        "*pose": _pointer("bPose", shown="pose"),
+        "*parent": _pointer("Object"),
+        "transflag": _short(),
+        "rotmode": _short(),
+        "parentinv": Member("float", 64),
+        **{name: Member("float", size) for own in PLACE_CHANNELS.values() for name, size in own.items()},
+    },
     "Mesh": {
         "*key": _pointer("Key", shown="shape_keys"),
         "vdata": Member("CustomData", 248),

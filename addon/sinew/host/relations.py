@@ -79,6 +79,13 @@ class Rebuilding:
         for place in found:
             self._change(place, bytes(members.POINTER))
 
+    def without_parent(self, ob: Any) -> None:
+        """Has Blender see no parent of an original object. Raises contract.Broken."""
+        place, size = contract.region(ob, "Object", "*parent")
+        if contract.address_at(place) != ob.parent.as_pointer():
+            raise contract.distrust(features.MOVING, "the parents of objects are not where they were")
+        self._change(place, bytes(size))
+
     def without_read(self, curve: Any, blocks: Sequence[Any]) -> None:
         """Has Blender see no variable of an original's driver that reads these original data-blocks. A copy of the
         driver is as `read_again` leaves it. Raises contract.Broken."""
@@ -203,6 +210,13 @@ def follow_again(copy: Any, original: Any, targets: list[Any], graph: Any) -> No
         address = evaluated.get(contract.address_at(own))
         if address is not None and contract.address_at(place) == 0:
             ctypes.c_uint64.from_address(place).value = address
+
+
+def hang_again(copy: Any, original: Any, graph: Any) -> None:
+    """Gives an evaluated copy that was made inside a Rebuilding the parent of the original again."""
+    place = contract.region(copy, "Object", "*parent")[0]
+    if contract.address_at(place) == 0:
+        ctypes.c_uint64.from_address(place).value = original.parent.evaluated_get(graph).as_pointer()
 
 
 def _reading(driver: Any, blocks: Sequence[Any]) -> list[Any]:

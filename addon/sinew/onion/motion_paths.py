@@ -20,14 +20,14 @@ class Path(NamedTuple):
 
 def around(bones: Iterable[tuple[Any, str]], frame: int, count: int) -> list[Path]:
     """Returns the paths of bones from `count` frames before a frame to `count` after it. bones: (original armature
-    object, name); those of rigs that are not computed have no path."""
+    object, name); those of rigs that are not computed, or whose object has keyframes, have no path."""
     frames, found = list(range(frame - count, frame + count + 1)), []
     chosen: dict[Any, list[str]] = {}
     for ob, name in bones:
         chosen.setdefault(ob, []).append(name)
     for ob, names in chosen.items():
         rig = rigs.get(ob)
-        if rig is None or not rig.is_idle or rig.source.program is None:
+        if rig is None or not rig.is_idle or rig.source.program is None or rig.source.place:
             continue
         heads = _heads(rig, frames)
         if heads is None:

@@ -75,7 +75,8 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene, most_frames: int | None = MOS
                 return True
             copy = rig.ob.evaluated_get(graph)
             blender_spent.append(1e3 * (perf_counter() - start))
-            if not poses.are_posed([(copy, moment.pose)])[0] and not differences.is_near(rig, copy, frame):
+            is_same = poses.are_posed([(copy, moment.pose)])[0] and rigs.is_placed(rig, graph, moment)
+            if not is_same and not differences.is_near(rig, copy, frame):
                 sentence = differences.note(rig, differences.Difference.between(rig, copy, frame))
                 rig.source = rigs.Source(refusal=sentence)
                 return True

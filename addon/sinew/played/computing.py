@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ..blender import animation, spoken_paths
+from ..blender import animation, dependencies, spoken_paths
 from ..description import curves, driven_keys, edits, objects, reading, rna_paths, strips
 from ..host import evaluations, poses
 from ..native import sinew_native
-from . import changes, differences, followers, leading, rigs, settings, watch
+from . import changes, differences, followers, leading, places, rigs, settings, watch
 from .followers import Followers
 from .keys import Keys, keys_of
 from .rigs import Source
@@ -45,6 +45,8 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     if computed is None:
         return
     if rigs.shows(rig, graph, computed) or differences.is_near(rig, copy, frame):
+        if rig.source.place:
+            places.prove(rig.source.place, graph)
         rig.source.is_proven, rig.is_posable = True, rig.source.is_posable
         rig.computed = frame, computed
         return
@@ -207,7 +209,7 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
         return False
     all_curves = animation.action_curves(action) if numbers else []
     try:
-        followers.check_place(rig.ob)
+        followers.check_place(rig.ob, graph.view_layer)
         edited = [all_curves[number] for number in numbers]
         edit = last.known.edit(rig.ob, graph, edited, _seen(rig, graph))
         if edit is None:
@@ -243,6 +245,7 @@ def differing(own: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
         given |= {
             each.path: value for each, value in zip(rig.source.settings, settings.read(copy, rig.source.settings))
         }
+        given |= zip(_paths_of(rig.source.place), places.numbers_of(rig.source.place, graph))
         difference = differences.Difference.between(rig, copy, time, given)
         if difference.is_any():
             changes.differ(rig)
@@ -260,21 +263,31 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
             raise curves.Refused(
                 f"{scene.name} maps its frames to other times: set Old and New of its Time Stretching alike"
             )
-        read = reading.read(rig.ob, graph, keyed, _seen(rig, graph))
+        read = reading.read(rig.ob, graph, keyed, _seen(rig, graph), may_move=True)
+        place = places.place_of(rig.ob) if read.targets.moves else ()
         leaders = leading.leaders_of(rig.ob, read.targets, read.outside, graph)
         program = sinew_native.RigProgram(read.description, keep_description=False)
         counts = tuple(len(numbers) for _keys, numbers in keyed)
         own, is_posable = settings.of(rig.ob, read.description)
         wanted = [*map(driven_keys.path_of, range(sum(counts))), *(setting.path for setting in own)]
+        wanted += _paths_of(place)
         moving = [each for each in read.targets.moving.values() if each != rig.ob]
+        if moving:  # but not the parents of the armature's object alone
+            followed = dependencies.with_parents(dependencies.outside_of(rig.ob))
+            moving = [each for each in moving if each in followed]
         moving += followers.moving(rig.ob, (*read.targets.splines.values(), *read.outside.keyed.values()))
         source = Source(
-            program, program.places(wanted), counts, tuple(own), leaders, tuple(moving), is_posable=is_posable
+            program, program.places(wanted), counts, tuple(own), place, leaders, tuple(moving), is_posable=is_posable
         )
+        source.hangs = any(channels for _ob, channels in place[:-1])
     except ValueError as reason:
         return Source(refusal=_in_words(str(reason)))
     _remember(rig, read, source, graph)
     return source
+
+
+def _paths_of(place: places.Place) -> list[str]:
+    return [objects.path_of(ob, f"{path}[{index}]") for ob, channels in place for path, index in channels]
 
 
 def _in_words(reason: str) -> str:
@@ -309,5 +322,6 @@ def _moments(own: Sequence[rigs.Rig], frame: float) -> list[rigs.Moment | None]:
         (record,), (numbers,) = result[0], result[1].tolist()
         ends = list(itertools.accumulate(rig.source.counts, initial=0))
         values = tuple(tuple(numbers[a:b]) for a, b in itertools.pairwise(ends))
-        found[rig.key] = rigs.Moment(record, values, tuple(numbers[ends[-1] :]))
+        first = ends[-1] + len(rig.source.settings)
+        found[rig.key] = rigs.Moment(record, values, tuple(numbers[ends[-1] : first]), tuple(numbers[first:]))
     return [found.get(rig.key) for rig in own]

@@ -77,7 +77,7 @@ def report(rig: rigs.Rig, graph: Any) -> dict[str, Any]:
     """Returns all that is needed to find out why an armature differs, for JSON: its description, and both poses."""
     keyed, found = rigs.keyed(rig, graph), rig.difference
     return {
-        "description": reading.read(rig.ob, graph, keyed).description,
+        "description": reading.read(rig.ob, graph, keyed, may_move=True).description,
         "driven keys": list(map(driven_keys.path_of, range(sum(len(numbers) for _keys, numbers in keyed)))),
         "frame": found.frame,
         "given": {path: np.asarray(value).tolist() for path, value in found.given.items()},

@@ -11,6 +11,7 @@ import bpy
 from ..blender import animation, dependencies, nodes, spoken_paths, values
 from ..blender.values import is_alive
 from ..description import objects, rna_paths
+from ..description import reading as description
 from ..host import contract, features, members, poses, relations
 from ..plan import wiring
 
@@ -20,6 +21,8 @@ _BETWEEN_FRAMES = {"FLUID", "DYNAMIC_PAINT"}  # which have Blender evaluate keyf
 # What drivers may read of a bone on each frame.
 _RECORDED = {*poses.RECORDED, "matrix", "matrix_channel", "head", "tail", "length"}
 MOST_NAMES = 3  # that a reason lists
+# Blender takes longer to evaluate an object that is tagged than one that time reaches: by less than these many bones.
+BONES_FOR_A_TAG = 4
 # What may use an armature without being changed by its pose, unless it has drivers.
 _LISTS = (
     bpy.types.Armature,  # of a metarig, which names the rig that Rigify has made of it
@@ -38,6 +41,9 @@ class Followers:
     hooked: list[Any] = field(default_factory=list)  # mesh objects with Sinew's hook
     placed: list[Any] = field(default_factory=list)  # objects that hang on bones, or are constrained to them
     shaped: list[Any] = field(default_factory=list)  # objects that Blender deforms
+    carried: list[Any] = field(
+        default_factory=list
+    )  # those of `hooked` that only hang on it, parents first, if it moves
     # Those of them that time has Blender evaluate: their simulations would begin anew if they were tagged.
     simulated: list[Any] = field(default_factory=list)
     is_simulated: bool = False  # some of these, or hooked
@@ -84,7 +90,7 @@ def find(rigs: Iterable[Any], users: dict[Any, set[Any]], graph: Any) -> dict[An
 
 def _of(rig: Any, users: dict[Any, set[Any]], graph: Any, outside_of: Callable[[Any], list[Any]]) -> Followers:
     """outside_of: that of dependencies."""
-    found, groups = Followers(), set()
+    found, groups, moves = Followers(), set(), moves_itself(rig)
     for user in sorted(users.get(rig, set()) | users.get(rig.data, set()), key=lambda each: each.name_full):
         if user in (rig, rig.data):
             continue
@@ -105,15 +111,19 @@ def _of(rig: Any, users: dict[Any, set[Any]], graph: Any, outside_of: Callable[[
         elif len(found.driven) > before:
             continue
         elif isinstance(user, bpy.types.Camera) and not getattr(user.dof, "focus_subtarget", ""):
-            continue  # it looks at the armature's place, which stays
+            continue  # the armature's place is read when it is drawn
         elif not isinstance(user, (*_LISTS, bpy.types.Library)) and _is_evaluated(user, graph):
             raise NotFreezable(f"{user.name} uses it in a way that Sinew does not know: remove that")
+    if moves:
+        groups |= _sort_moved(rig, found, users, graph)
     sorted_in = {*found.objects, rig}
     found.shaped += [ob for ob in _made_by(groups, users, graph) if ob not in sorted_in]
     meshes = {keys.user for keys, _numbers in found.keyed} - {ob.data for ob in (*found.hooked, *found.shaped)}
     if meshes:
         found.shaped += [ob for ob in bpy.data.objects if ob.data in meshes and _is_evaluated(ob, graph)]
     _sort_simulations(found)
+    if moves and found.is_simulated:
+        raise NotFreezable(_moves_and(rig, "a simulation follows it"))
     data = [ob.data for ob in (*found.hooked, *found.shaped) if ob.data is not None]
     data += [each.shape_keys for each in data if getattr(each, "shape_keys", None) is not None]
     found.keys, found.copied = frozenset(map(values.key_of, found.objects)), [*found.objects, *data]
@@ -204,6 +214,59 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any, outside_of: Callab
         raise NotFreezable(f"{ob.name} uses it in a way that Sinew does not know: remove that")
 
 
+def _sort_moved(rig: Any, found: Followers, users: dict[Any, set[Any]], graph: Any) -> set[Any]:
+    """Sorts in what follows the place of an armature object that moves as a whole, and of what it carries. Returns the
+    node groups that read it. Raises NotFreezable."""
+    groups, queue, before = set(), [rig], len(found.placed)
+    for moved in queue:
+        if moved.field is not None and moved.field.type != "NONE":
+            raise NotFreezable(_moves_and(rig, f"{moved.name} is a force"))
+        for user in sorted(users.get(moved, ()), key=lambda each: each.name_full):
+            if isinstance(user, bpy.types.GeometryNodeTree):
+                groups.add(user)
+            elif isinstance(user, bpy.types.Object) and user not in queue and not nodes.is_canvas(user):
+                if _is_evaluated(user, graph) and _is_carried(rig, user, moved, found):
+                    queue.append(user)
+            elif not isinstance(user, (*_LISTS, bpy.types.Library, bpy.types.Camera, bpy.types.Object)):
+                if _is_evaluated(user, graph) and not (moved == rig and _drivers_on(user, rig)):
+                    raise NotFreezable(_moves_and(rig, f"{user.name} uses it"))
+    count = len(found.placed) - before
+    if count * BONES_FOR_A_TAG > len(rig.pose.bones):
+        raise NotFreezable(_moves_and(rig, f"{count} objects hang on it, which would take longer than its bones"))
+    found.carried = queue[1:]
+    return groups
+
+
+def _is_carried(rig: Any, ob: Any, moved: Any, found: Followers) -> bool:
+    """Whether an object only hangs on one that moves, and is deformed on each frame; otherwise sorts it in. Raises
+    NotFreezable."""
+    is_child = ob.parent == moved and ob.parent_type == "OBJECT"
+    if ob.type == "ARMATURE" and moved in dependencies.outside_of(ob):
+        raise NotFreezable(_moves_and(rig, f"bones of {ob.name} follow it"))
+    if is_child and ob.rigid_body is not None:
+        raise NotFreezable(_moves_and(rig, "a simulation follows it"))
+    if moved != rig and _drivers_on(ob, moved):
+        raise NotFreezable(_moves_and(rig, f"drivers of {ob.name} read {moved.name}"))
+    if is_child and ob in found.hooked:
+        if objects.why_not(ob) or any(rna_paths.moves_object(path) for path in animation.animated_paths(ob)):
+            raise NotFreezable(_moves_and(rig, f"{ob.name}, its child, moves by itself"))
+        return True
+    if ob in found.placed:
+        return False
+    if is_child or moved != rig and _hangs_on(ob, moved):
+        found.placed.append(ob)
+    elif moved != rig:
+        if any(moved in dependencies.pointers(each) or each.type == "NODES" for each in ob.modifiers):
+            found.shaped += [ob] if ob not in (*found.hooked, *found.shaped) else []
+        elif ob.parent != moved and moved not in dependencies.pointers(ob.sinew):
+            raise NotFreezable(_moves_and(rig, f"{ob.name} uses {moved.name}"))
+    return False
+
+
+def _moves_and(rig: Any, clause: str) -> str:
+    return f"{rig.name} itself is animated, and {clause}: animate its root bone instead"
+
+
 def _hangs_on(ob: Any, rig: Any) -> bool:
     """Whether bones of an armature say where an object is."""
     is_child = ob.parent == rig and ob.parent_type == "BONE"
@@ -260,8 +323,9 @@ def unkeyed(rig: Any, scene: Any, rounding: float = animation.ROUNDING) -> str:
 
 
 def moved_by_keys(rig: Any) -> list[Any]:
-    """Returns the objects that move and are followed by an armature object, and their parents."""
-    return [each for each in dependencies.with_parents(moving(rig, dependencies.outside_of(rig))) if each != rig]
+    """Returns the objects that move and are followed by an armature object, and their parents, and its own."""
+    followed = moving(rig, dependencies.outside_of(rig))
+    return [each for each in dependencies.with_parents([*followed, rig]) if each != rig]
 
 
 def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
@@ -311,12 +375,26 @@ def reading(rig: Any, targets: Sequence[Any]) -> list[Any]:
     return [curve for curve in own if any(each in targets for each in dependencies.read_by(curve))]
 
 
-def check_place(rig: Any) -> None:
-    """Raises NotFreezable if an armature object may move as a whole while nobody edits it."""
+def moves_itself(rig: Any) -> bool:
+    """Whether keyframes, its own or its parents', move an armature object as a whole."""
+    return description.is_moved_by_keyframes(rig)
+
+
+def _set_as_a_whole(rig: Any) -> list[str]:
+    """Returns the paths of all but bones and custom properties that keyframes and drivers of an armature object
+    change."""
     curves = [*animation.drivers_of(rig), *animation.keyed_curves(rig)]
     others = [curve for curve in curves if not curve.data_path.startswith(("pose.", '["'))]
     others = [curve for curve in others if not animation.sets_nothing(rig, curve)]
-    own = sorted({curve.data_path for curve in others if not animation.stays(rig, curve)})
+    return sorted({rna_paths.normalised(curve.data_path) for curve in others if not animation.stays(rig, curve)})
+
+
+def check_place(rig: Any, layer: Any = None) -> None:
+    """Raises NotFreezable if an armature object may move as a whole while nobody edits it. layer: a view layer in which
+    keyframes, its own or its parents', may move it; None: these neither."""
+    own = _set_as_a_whole(rig)
+    if layer is not None and contract.has(features.MOVING) and not objects.why_not(rig):
+        own = [path for path in own if not rna_paths.moves_object(path)]
     if own:
         raise NotFreezable(
             f"{rig.name} itself is animated ({listed(sorted({*map(spoken_paths.spoken, own)}))}), not only its bones: "
@@ -324,9 +402,17 @@ def check_place(rig: Any) -> None:
         )
     if dependencies.constraints_of(rig):
         raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
-    check_parent(rig)
+    if layer is None or not _hangs_on_what_is_keyed(rig, layer):
+        check_parent(rig)
     if rig.rigid_body is not None:
         raise NotFreezable(f"{rig.name} is simulated: remove its rigid body")
+
+
+def _hangs_on_what_is_keyed(rig: Any, layer: Any) -> bool:
+    """Whether the parents of an armature object with keyframes are where their own keyframes put them."""
+    parents = dependencies.with_parents([rig])[:-1]
+    is_known = contract.has(features.MOVING) and not objects.why_not(rig) and rig.animation_data is not None
+    return is_known and all(each.type != "ARMATURE" and each.visible_get(view_layer=layer) for each in parents)
 
 
 def check_parent(rig: Any) -> None:
@@ -387,6 +473,7 @@ def _add_driven(block: Any, curve: Any, name: str, rig: Any, found: Followers) -
         bone = rna_paths.BONE.match(path)
         channel = bone and re.match(r"\.(\w+)", path[bone.end() :])
         is_recorded = path.startswith("pose.") and channel is not None and channel[1] in _RECORDED
+        is_recorded |= rna_paths.moves_object(path)
         if not is_recorded and any(path.startswith(each) for each in animation.animated_paths(rig)):
             found.reads[path] = f"{spoken_paths.spoken(curve.data_path)} of {name}"
         elif path.startswith("data."):

@@ -206,6 +206,8 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
                     rebuilding.without_animation(rig.ob)
                 for curve in animation.drivers_of(rig.ob):
                     rebuilding.on_no_frame(curve, rigs.time_of(rig.scene))
+                if rig.source.hangs:
+                    rebuilding.without_parent(rig.ob)
                 for constraint, targets in followers.constraints_on(rig.ob, rig.source.moving):
                     rebuilding.without_targets(constraint, targets)
                 for curve in followers.reading(rig.ob, rig.source.moving):
@@ -218,6 +220,8 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
     finally:
         _is_building = False
     for rig in chosen:
+        if rig.source.hangs:
+            relations.hang_again(rig.ob.evaluated_get(graph), rig.ob, graph)
         for constraint, targets in followers.constraints_on(rig.ob, rig.source.moving):
             copy = rig.ob.evaluated_get(graph).path_resolve(constraint.path_from_id())
             relations.follow_again(copy, constraint, targets, graph)
@@ -225,8 +229,10 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
             copy = animation.find_driver(curve.id_data.evaluated_get(graph), curve.data_path, curve.array_index)
             if copy is not None:
                 relations.read_again(copy, curve, rig.source.moving, graph)
+        rig.hangs_unseen = rig.source.hangs
         followed = dependencies.with_parents(dependencies.outside_of(rig.ob)) if rig.source.moving else ()
-        rig.unseen = [each for each in followed if each != rig.ob]
+        parents = [ob for ob, _channels in rig.source.place] if rig.source.hangs else ()
+        rig.unseen = [each for each in (*followed, *parents) if each != rig.ob]
     for original in [*map(followers.hook_of, hooked.values()), *driven]:
         copy = original.id_data.evaluated_get(graph).animation_data
         found = copy and copy.drivers.find(original.data_path, index=original.array_index)
@@ -240,7 +246,8 @@ def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
     graph, pose = layer.depsgraph, rigs.now(rig, scene)
     # Otherwise a handler has changed the frame, or relations.
     can_play = pose is not None and rigs.is_without_keys(rig, graph)
-    is_shown = can_play and rigs.shows(rig, graph, pose)
+    # Without a parent that moves, Blender has put it elsewhere.
+    is_shown = can_play and not rig.hangs_unseen and rigs.shows(rig, graph, pose)
     if not can_play or not is_shown and rig.followers.is_simulated:  # what is simulated would have to be tagged
         watch.expect_thaw(graph, rig)
         relations.tag()
@@ -273,8 +280,19 @@ def pose(rig: rigs.Rig) -> bool:
     follows_itself = any(each in rig.followers.shaped for each in rig.unseen)
     if not rig.is_posable or follows_itself or any(watch.may_have_moved(each, graph) for each in rig.unseen):
         return False
+    if is_moved_unseen(rig, graph):
+        return False
     rig.state, rig.pose, rig.posed_on = State.POSED, None, None
     return True
+
+
+def is_moved_unseen(rig: rigs.Rig, graph: Any) -> bool:
+    """Whether an edit moves an armature whose parent Blender does not see, or that parent: it would be elsewhere."""
+    if not rig.hangs_unseen:
+        return False
+    copy = rigs.evaluated_copy(rig, graph)
+    is_tagged = copy is None or evaluations.is_transform_tagged(copy)
+    return is_tagged or any(watch.may_have_moved(each, graph) for each in rig.unseen)
 
 
 def note_posed(rig: rigs.Rig, graph: Any) -> None:

@@ -82,6 +82,8 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
             if why:
                 reasons[rig.key] = why
         if not rig.is_frozen:
+            if freezing.is_moved_unseen(rig, graph):
+                reasons[rig.key] = f"{rig.name} was edited"
             freezing.look_at_keys(rig, graph, is_new_frame)
     anew = {rig.ob for rig in own if rig.shown is None}
     posed = [rig for rig in own if not rig.is_frozen] if anew else []
@@ -175,7 +177,8 @@ def _compare_in(graph: Any, scene: Any) -> None:
         moment = rig.at(time) or computing.moment(rig, time)
         if moment is None:
             continue
-        if poses.are_posed([(copy, moment.pose)])[0] or differences.is_near(rig, copy, time):
+        is_same = poses.are_posed([(copy, moment.pose)])[0] and rigs.is_placed(rig, graph, moment)
+        if is_same or differences.is_near(rig, copy, time):
             rig.source.compared |= {int(time)} if time == int(time) else set()
             continue
         # Something may have been edited so that Blender has not noticed it yet. If it differs again, that is not so.

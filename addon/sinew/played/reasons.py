@@ -8,7 +8,7 @@ import bpy
 
 from ..blender import animation, dependencies, spoken_paths, values
 from ..clips import clip_store
-from ..description import driver_rows
+from ..description import driver_rows, rna_paths
 from ..host import relations
 from ..run import characters
 from . import changes, computing, differences, followers, leading, rigs
@@ -88,6 +88,7 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
         follows = f"bones of {rig.name} follow {_names(moving)}, outside of it, which may move: " if moving else ""
         if rig.needs_program or moving or not rigs.has_animation(rig.ob):
             return follows + why_not_computed(rig, scene)
+        followers.check_place(rig.ob)
     unknown = own.reads.keys() - {each.path for each in rig.source.settings}
     if unknown:
         path = min(unknown)
@@ -140,6 +141,11 @@ def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
     bone = unkeyed_bone(rig, scene)
     if bone:
         return _unkeyed(rig, bone)
+    if rna_paths.moves_object(path := computing.unkeyed_path(rig, scene.frame_current_final)):
+        spoken = spoken_paths.spoken(path)
+        return (
+            f"{rig.name} itself has changes that are not keyed ({spoken}): key them, or change the frame to lose them"
+        )
     if followed := followers.unkeyed(rig.ob, scene):
         return f"{followed}, which {rig.name} follows, has changes that are not keyed: key them"
     graph = rig.graph()
@@ -217,7 +223,7 @@ def check(rig: Any, layer: Any) -> list[Any]:
         raise NotFreezable(f"an NLA strip of {rig.name} is being edited: leave its tweak mode first")
     if rig.mode not in ("OBJECT", "POSE") or rig.data.is_editmode:
         raise NotFreezable(being_edited(rig))
-    followers.check_place(rig)
+    followers.check_place(rig, layer)
     if animation.keyed_curves(rig.data):
         raise NotFreezable(f"the armature {rig.data.name} itself has keyframes, not only its bones: remove those")
     if rig.pose.ik_solver == "ITASC":

@@ -13,7 +13,8 @@ import numpy as np
 from ..blender import dependencies, values
 from ..blender.values import is_alive
 from ..host import actions, evaluations, key_blocks, poses
-from . import followers, records, settings
+from ..host.places import Channel
+from . import followers, places, records, settings
 from .followers import Followers
 from .resting import Rest
 from .settings import Setting
@@ -40,8 +41,11 @@ class Source:
     places: Any = None  # of the numbers that it computes besides: values of shape keys, then settings
     counts: tuple[int, ...] = ()  # how many of them each data-block of shape keys has
     settings: tuple[Setting, ...] = ()  # that keyframes and drivers set besides
+    # If it moves as a whole: its parents and itself, each with the numbers of its place that keyframes set.
+    place: tuple[tuple[Any, tuple[Channel, ...]], ...] = ()
     leaders: tuple[Any, ...] = ()  # what it follows of other armatures, leading.Leader
     moving: tuple[Any, ...] = ()  # the other objects that it computes, as it follows them, parents first
+    hangs: bool = False  # its parents move
     is_proven: bool = False  # it has computed what Blender has
     is_posable: bool = False  # keyframes set nothing but what is written on each frame
     refusal: str = ""  # why there is no program
@@ -69,6 +73,7 @@ class Rig:
     layer: int = 0  # address of the view layer
     shown: float | None = None  # the frame whose pose was written last
     pose: Any = None  # that Moment
+    family: places.Family = field(default_factory=places.Family)  # where it was put with it, if it moves as a whole
     computed: tuple[float, Any] | None = None  # what its program has computed last: (time, Moment)
     is_selected: bool = False  # it was, or something of it, at the last look
     watch: Any = None  # watch.Watch on what the record depends on; None: nothing is recorded
@@ -91,6 +96,7 @@ class Rig:
     posed_on: float | None = None  # the frame on which Blender has last evaluated it while it is POSED
     # What it follows, with parents, if relations were built without some of it.
     unseen: list[Any] = field(default_factory=list)
+    hangs_unseen: bool = False  # relations were built without its parent, which moves
     rest: Rest = field(default_factory=Rest)  # from edits on each frame
     tries: int = 0  # see accelerating.py
     tries_to_skip: int = 0
@@ -314,6 +320,7 @@ class Moment(NamedTuple):
     pose: np.ndarray  # (N,) uint8, see host/poses.py
     keys: tuple[tuple[float, ...], ...]  # the values of the keys that followers.keyed lists
     settings: tuple[float, ...] = ()  # the values of those that source.settings lists
+    place: tuple[float, ...] = ()  # the numbers that source.place lists
 
     @property
     def nbytes(self) -> int:
@@ -324,7 +331,8 @@ def moment_of(rig: Rig, graph: Any) -> Moment:
     """Returns what an evaluation has made of an armature."""
     values_now = tuple(key_blocks.values_of(keys.evaluated_get(graph), numbers) for keys, numbers in keyed(rig, graph))
     copy = evaluated_copy(rig, graph)
-    return Moment(poses.record(copy), values_now, settings.read(copy, rig.source.settings))
+    own = settings.read(copy, rig.source.settings)
+    return Moment(poses.record(copy), values_now, own, places.numbers_of(rig.source.place, graph))
 
 
 def keyed(rig: Rig, graph: Any) -> list[tuple[Any, tuple[int, ...]]]:
@@ -337,15 +345,20 @@ def keyed(rig: Rig, graph: Any) -> list[tuple[Any, tuple[int, ...]]]:
 
 
 def shows(rig: Rig, graph: Any, moment: Any) -> bool:
-    """Whether the evaluated bones, and the keys that follow them, are exactly as recorded."""
-    return moment is not None and _show(graph, [(rig, moment)])[0]
+    """Whether the evaluated bones, the keys that follow them and the armature's place are exactly as recorded."""
+    return moment is not None and is_placed(rig, graph, moment) and _show(graph, [(rig, moment)])[0]
+
+
+def is_placed(rig: Rig, graph: Any, moment: Moment) -> bool:
+    """Whether an armature is where it was recorded, or what moves it is not."""
+    return not rig.source.place or places.numbers_of(rig.source.place, graph) == moment.place
 
 
 def are_left(graph: Any, own: Sequence[Rig]) -> list[bool]:
     """Whether the evaluated bones of armatures, and the keys that follow them, are as their last poses have left
     them."""
     found = iter(_show(graph, [(rig, rig.pose) for rig in own if rig.pose is not None]))
-    return [rig.pose is not None and next(found) for rig in own]
+    return [rig.pose is not None and next(found) and rig.family.is_left(graph) for rig in own]
 
 
 def is_left_by(rig: Rig, graph: Any) -> bool:
@@ -353,7 +366,7 @@ def is_left_by(rig: Rig, graph: Any) -> bool:
     whose handlers run. What that has not evaluated is not looked at."""
     copy = evaluated_copy(rig, graph)
     if copy is not None and (evaluations.is_tagged(copy) or evaluations.is_tagged(copy.data)):
-        return shows(rig, graph, rig.pose)
+        return shows(rig, graph, rig.pose) and rig.family.is_left(graph)
     follow = keyed(rig, graph)
     has_evaluated = any(evaluations.is_tagged(keys.evaluated_get(graph)) for keys, _numbers in follow)
     return not has_evaluated and len(follow) == len(rig.pose.keys) or _have_values(rig, graph, rig.pose)
@@ -383,6 +396,7 @@ def show(rig: Rig, graph: Any, moment: Any) -> bool:
     is_shown = poses.play(evaluated_copy(rig, graph), moment.pose)
     poses.play_original(rig.ob, moment.pose)
     _write_settings(rig, graph, moment, ())
+    _place(rig, graph, moment)
     for (keys, numbers), recorded in zip(keyed(rig, graph), moment.keys):
         key_blocks.set_values(keys.evaluated_get(graph), numbers, recorded)
         key_blocks.set_values(keys, numbers, recorded)
@@ -397,6 +411,12 @@ def _write_settings(rig: Rig, graph: Any, moment: Moment, before: Sequence[float
         settings.write(evaluated_copy(rig, graph), rig.source.settings, moment.settings, before or None)
 
 
+def _place(rig: Rig, graph: Any, moment: Moment) -> None:
+    rig.family.forget()
+    if rig.source.place:
+        rig.family.write(rig.source.place, moment.place, rig.followers.carried, graph)
+
+
 def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
     """Does what `shows` and `show` do, for several armatures at once, and goes through the bones of each only once.
     steps: each with the Moment to show; `rig.pose` must be shown. Returns False for those of which it is not: they have
@@ -405,6 +425,7 @@ def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
     for rig, moment in steps:
         follow = [(keys.evaluated_get(graph), keys, numbers) for keys, numbers in keyed(rig, graph)]
         is_left = rig.pose is not None and len(follow) == len(rig.pose.keys) == len(moment.keys)
+        is_left = is_left and rig.family.is_left(graph)
         is_left = is_left and all(
             key_blocks.values_of(evaluated, numbers) == recorded
             for (evaluated, _keys, numbers), recorded in zip(follow, rig.pose.keys)
@@ -421,6 +442,7 @@ def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
     for (rig, moment, follow, _is_left), is_shown in zip(found, results):
         if is_shown:
             _write_settings(rig, graph, moment, rig.pose.settings)
+            _place(rig, graph, moment)
         for (evaluated, keys, numbers), recorded in zip(follow, moment.keys) if is_shown else ():
             key_blocks.set_values(evaluated, numbers, recorded)
             key_blocks.set_values(keys, numbers, recorded)

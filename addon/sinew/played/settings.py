@@ -44,7 +44,7 @@ def of(ob: Any, description: dict[str, Any]) -> tuple[list[Setting], bool]:
             owner, *names, name = match.groups()
             if tuple(map(bpy.utils.unescape_identifier, names)) in constraints:
                 found.append(Setting(path, owner, name, True))
-        elif path in animation.PLACE:  # followers.check_place has seen that it stays
+        elif rna_paths.moves_object(path):  # it stays, or is in Source.place
             continue
         elif path in keyed and (bone is None or path[bone.end() + 1 :] not in poses.RECORDED):
             is_complete = False

@@ -186,6 +186,7 @@ void restore_silent_keys(const std::vector<Address>& keys, const std::array<std:
 
 void bind_described(py::module_& host);
 void bind_struct_values(py::module_& host);
+void bind_places(py::module_& host);
 void bind_pose_record(py::module_& host);
 void bind_stored_curves(py::module_& host);
 void bind_shortcut(py::module_& host);
@@ -238,6 +239,7 @@ void bind_host(py::module_& parent) {
              "Raises ValueError if there is not one for each key.");
   bind_described(module);
   bind_struct_values(module);
+  bind_places(module);
   bind_pose_record(module);
   bind_stored_curves(module);
   bind_shortcut(module);

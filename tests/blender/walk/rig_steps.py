@@ -284,6 +284,30 @@ def parent_armature(random, armature):
     return armature.parent and armature.parent.name
 
 
+@on_rig(1.5)
+def move_armature(random, armature):
+    """As a whole, with keyframes or by hand."""
+    what = random.choice(("key", "key", "key here", "by hand", "unkey", "shift"))
+    if what == "key":
+        for frame in (1, 8, 15):
+            armature.location, armature.rotation_euler = scene.some(random, 1), scene.some(random, 1)
+            if random.random() < 0.3:
+                armature.scale = [random.choice((-1, 1)) * random.uniform(0.5, 2) for _ in range(3)]
+            for name in ("location", "rotation_euler", "scale"):
+                armature.keyframe_insert(name, frame=frame)
+    elif what == "unkey":
+        with contextlib.suppress(RuntimeError):  # it has no such keyframe
+            armature.keyframe_delete("location", frame=8)
+    elif what == "shift":
+        armature.delta_location = scene.some(random, 0.5)
+    else:
+        armature.location = scene.some(random, 2)
+        if what == "key here":
+            armature.keyframe_insert("location")
+    scene.take_keyframes()
+    return what
+
+
 @on_rig(1)
 def duplicate_armature(_random, armature):
     """Alone, to be given to a mesh later."""
