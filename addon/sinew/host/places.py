@@ -1,7 +1,6 @@
 """Finds in memory the matrix from an object's space to world space."""
 
 import ctypes
-import functools
 from typing import Any
 
 from mathutils import Matrix
@@ -9,7 +8,7 @@ from mathutils import Matrix
 from . import contract, features, layout
 
 
-@functools.lru_cache(maxsize=1)
+@contract.kept
 def place_layout() -> tuple[int | None, int] | None:
     """Returns two byte offsets: of the pointer in an object that leads to its matrix to world space, or None if the
     object itself contains the matrix; and of the matrix, from the pointer's target or from the object. Returns None if

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable
 import bpy
 
 from ..blender import meshes, nodes, values
-from ..host import vector_arrays
+from ..host import mesh_arrays
 from ..plan import ways, wiring
 from ..run import afterwards, characters, graph_copy, mail
 from . import deformed_copy
@@ -122,7 +122,7 @@ def _shape_of(seen, ob, evaluated):
         return meshes.read_positions(ob.data)
     if plan.way.kind == ways.KEYS:
         return afterwards.shape_in_keys(evaluated)
-    return vector_arrays.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
+    return mesh_arrays.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
 
 
 def _is_shown(plan, evaluated):

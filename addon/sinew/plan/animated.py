@@ -9,7 +9,7 @@ import threading
 from typing import Any, NamedTuple
 
 from ..blender import animation, spoken_paths
-from ..host import actions, driver_bytes, marks
+from ..host import driver_memory, keyframes, marks
 from . import driver_variables, drivers, wiring
 
 _NAME = r'\["(?:[^"\\]|\\.)*"\]'
@@ -74,7 +74,7 @@ _found: dict[tuple[int, str], tuple[bytes, _Found]] = {}  # by the address of a 
 
 def _found_in(own: Any, block: Any, kind: str) -> _Found:
     """Looks at the drivers of a data-block again only if they have changed: a large rig has hundreds."""
-    now = driver_bytes.read(own)
+    now = driver_memory.read_bytes(own)
     if now is None:
         return _look_at(own, kind)
     key = block.as_pointer(), kind
@@ -185,7 +185,7 @@ def _of_copy(block: Any, kind: str) -> Any:
         return None
     address = block.as_pointer()
     with _lock:
-        played = {each.action.as_pointer(): each.action for each in actions.of(block)}
+        played = {each.action.as_pointer(): each.action for each in keyframes.actions_of(block)}
         edited = {at for at, action in played.items() if not marks.test_and_mark(action, "ACTION")}
         if edited:  # they may animate other data-blocks, too
             for other in [each for each, (theirs, _found) in _known.items() if not edited.isdisjoint(theirs)]:

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, armatures, meshes, modifier_types, nodes, values
-from ..host import contract, features, graph_modes, vector_arrays
+from ..host import contract, evaluations, features, mesh_arrays
 from . import animated, cages, canvas_survey, driven, fronts, mends, plans, runs, tails, ways, wiring
 from .situation import Hook, Keys, Modifier, Situation
 
@@ -104,7 +104,7 @@ def _read(
         key_trouble=contract.why_not(features.KEYS),
         attribute_trouble=contract.why_not(features.ATTRIBUTES),
         animation_trouble=_animation_trouble(original),
-        tells_renders=graph_modes.is_known(),
+        tells_renders=evaluations.is_mode_known(),
         **more,
     )
     tail = ways.tail_of(found)
@@ -277,7 +277,7 @@ def why_not_bound(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> str:
         return ""
     if not contract.has(features.BOUND):
         return ""
-    return runs.why_not_bound(vector_arrays.bound_count(modifier), len(ob.data.vertices))
+    return runs.why_not_bound(mesh_arrays.bound_count(modifier), len(ob.data.vertices))
 
 
 def waits_for_targets(ob: bpy.types.Object, plan: plans.Plan) -> bool:

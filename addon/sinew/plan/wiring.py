@@ -20,7 +20,7 @@ import bpy
 import numpy as np
 
 from ..blender import animation, dependencies, meshes, values
-from ..host import driver_bytes
+from ..host import driver_memory
 from . import driver_variables
 
 HOOK = "sinew.deform_now"
@@ -298,7 +298,7 @@ def waits_of(hook: bpy.types.FCurve) -> Waits:
 
 def _variables_of(hook: bpy.types.FCurve) -> _Variables:
     variables, owner = hook.driver.variables, hook.id_data.as_pointer()
-    now = driver_bytes.digest_of_variables(hook.driver)
+    now = driver_memory.digest_of_variables(hook.driver)
     before, found = _variables.get(owner, (None, None))
     # The addresses of data-blocks are in the digest, but another one may be at the same address by now.
     if now is None or found is None or before != now or not _are_read(found.blocks, variables):

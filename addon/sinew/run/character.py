@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 
 from ..chain import methods, stages
-from ..host import switches
+from ..host import modifier_memory
 from ..plan import plans, runs, ways
 from . import graph_copies, standing_aside
 from .graph_copy import GraphCopy
@@ -78,7 +78,7 @@ class Character:
         """Whether Sinew deforms an evaluated object that has such a plan, if any modifier that it replaces is on."""
         if plan.way.takes_all and ob.mode not in WITHOUT_INDICES:
             return False
-        return plan.is_wired and not standing_aside.is_on() and switches.can_put_aside()
+        return plan.is_wired and not standing_aside.is_on() and modifier_memory.can_put_aside()
 
     # --- its evaluated copies ---------------------------------------------------------------------
 

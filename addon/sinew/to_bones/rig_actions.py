@@ -12,7 +12,7 @@ import numpy as np
 
 from ..blender import animation
 from ..description import custom_properties, rna_paths
-from ..host import actions
+from ..host import keyframes
 
 AT_REST = {
     "location": (0.0, 0.0, 0.0),
@@ -45,7 +45,7 @@ def find(rig: bpy.types.Object, pattern: str = "*") -> list[RigAction]:
     others: set[bpy.types.Action] = set()
     for ob in bpy.data.objects:
         if ob.type == "ARMATURE":
-            (own if ob == rig else others).update(each.action for each in actions.of(ob))
+            (own if ob == rig else others).update(each.action for each in keyframes.actions_of(ob))
     found = []
     for action in bpy.data.actions:
         if fnmatchcase(action.name, pattern) and (action in own or action not in others):
