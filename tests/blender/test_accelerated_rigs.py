@@ -900,7 +900,7 @@ def test_the_bone_that_keeps_a_rig_from_being_native_can_be_selected(cast):
     select(cast.frozen[1])
     assert bpy.ops.object.sinew_select_bone(armature=armature.name_full) == {"FINISHED"}
     assert bpy.context.mode == "POSE" and bpy.context.active_object == armature
-    assert addon_module("ui.weights").selected_bones(armature) == ["bone2"]
+    assert addon_module("blender.selection").selected_bones(armature) == ["bone2"]
     bpy.ops.object.mode_set(mode="OBJECT")
     armature.hide_set(True)
     with pytest.raises(RuntimeError, match="is hidden: show it first"):

@@ -67,7 +67,7 @@ def paint(ob, armature, *bones):
     """Weight Paint, with these bones selected."""
     select(armature)
     bpy.ops.object.mode_set(mode="POSE")
-    addon_module("ui.weights").select_bones(armature, bones)
+    addon_module("blender.selection").select_bones(armature, bones)
     select(ob, armature)
     bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
 
@@ -571,7 +571,7 @@ def test_assigning_is_refused_with_a_sentence():
     addon_module("blender.meshes").select_vertices(ob.data, np.zeros(1200, bool))
     with pytest.raises(RuntimeError, match="no vertex is selected: select those that should get weights"):
         bpy.ops.object.sinew_assign_from_bones()
-    addon_module("ui.weights").select_bones(armature, ())
+    addon_module("blender.selection").select_bones(armature, ())
     with pytest.raises(RuntimeError, match="no bone of Rig is selected: select the bones"):
         bpy.ops.object.sinew_assign_from_bones()
     ob.modifiers.clear()
@@ -807,7 +807,7 @@ def test_buttons_select_what_the_report_names():
     assert [vertex.index for vertex in ob.data.vertices if vertex.select] == [3, 4]
     assert bpy.ops.object.sinew_select_reported_bones(which="UNUSED") == {"FINISHED"}
     assert (bpy.context.mode, bpy.context.active_object) == ("POSE", armature)
-    assert addon_module("ui.weights").selected_bones(armature) == ["side"]
+    assert addon_module("blender.selection").selected_bones(armature) == ["side"]
 
 
 def test_a_problem_becomes_the_mask_in_weight_paint():

@@ -10,7 +10,6 @@ line on stdout is a JSON document.
 
 import argparse
 import ctypes
-import dataclasses
 import json
 import os
 import sys
@@ -19,11 +18,11 @@ from typing import Any, NoReturn
 
 import bpy
 
-from ..install import bind
 from ..main import memory_use
 from ..plan import bindable
 from ..profiling import costs, measure
 from ..rig_files import rig_export, rig_import
+from ..rig_files.file_options import ExportOptions, FileOptions, ImportOptions
 from . import (
     bake_command,
     bench_command,
@@ -31,22 +30,21 @@ from . import (
     output,
     rig_command,
     to_bones_command,
-    weight_options,
     weight_tools_command,
     weights_command,
 )
-from .option_types import identifier
+from .arguments import identifier, read
 
 
 def run(arguments: Sequence[str]) -> int:
     """Runs one command. arguments: the words after `sinew`. Returns the exit code."""
     try:
-        options = command_options.make_parser().parse_args(weight_options.joined(list(arguments)))
+        options = command_options.make_parser().parse_args(command_options.joined(list(arguments)))
     except SystemExit as stop:  # argparse has printed help or an error
         return stop.code or 0  # type: ignore[return-value] # argparse's codes are numbers
     try:
         document, text, *code = COMMANDS[options.command](options)
-    except (ValueError, OSError, MemoryError, bindable.BindingError, bind.OutputError) as error:
+    except (ValueError, OSError, MemoryError) as error:
         print(f"sinew: {sentence(error)}", file=sys.stderr, flush=True)
         return 1
     flush_blender()
@@ -77,7 +75,7 @@ def info(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
         open_blend(options.path)
         document, text = output.report_meshes(options.path, bench_command.deformed_meshes(bpy.data.objects))
         return document | {"program": memory_use.facts()}, "\n".join((text, "", *memory_use.states()))
-    return output.report_rig(skeleton_path(options.path), import_options(options))
+    return output.report_rig(skeleton_path(options.path), read(options, FileOptions))
 
 
 def profile(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
@@ -110,8 +108,8 @@ def export(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
         raise ValueError(f"{ob.name} has no armature: give it one, or choose another mesh")
     os.makedirs(options.folder, exist_ok=True)
     path = os.path.join(options.folder, "skeleton.bf")
-    rig_export.export_rig(bpy.context, ob, path, identifier(options.animation), options.up_axis)
-    return output.report_rig(path, rig_import.ImportOptions())
+    rig_export.export_rig(bpy.context, ob, path, read(options, ExportOptions))
+    return output.report_rig(path, FileOptions())
 
 
 def run_bench(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
@@ -208,25 +206,11 @@ def skeleton_path(path: str) -> str:
     return path
 
 
-def import_options(options: argparse.Namespace) -> rig_import.ImportOptions:
-    """Returns the options that were given, with the importer's defaults for the others."""
-    given = {
-        field.name: getattr(options, field.name)
-        for field in dataclasses.fields(rig_import.ImportOptions)
-        if hasattr(options, field.name)
-    }
-    for name in {"method", "source", "output"}.intersection(given):
-        given[name] = identifier(given[name])
-    if given.get("convention") == "auto":
-        given["convention"] = None
-    return rig_import.ImportOptions(**given)
-
-
 def import_into_empty_file(options: argparse.Namespace) -> bpy.types.Object:
     """Imports a rig into an empty file. Returns the mesh object."""
     path = skeleton_path(options.path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    mesh_object, _armature, remark = rig_import.import_rig(bpy.context, path, import_options(options))
+    mesh_object, _armature, remark = rig_import.import_rig(bpy.context, path, read(options, ImportOptions))
     if remark:
         print(f"sinew: {remark}", file=sys.stderr, flush=True)
     return mesh_object

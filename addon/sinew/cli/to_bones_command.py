@@ -8,8 +8,8 @@ import bpy
 
 from ..bake import evaluation, frame_range
 from ..plan import bindable
-from ..to_bones import conversion, exact, gltf, report
-from . import to_bones_options
+from ..to_bones import bake_options, conversion, exact, gltf, report
+from . import arguments
 from .bake_command import names_of
 from .rig_command import chosen_armature
 
@@ -27,15 +27,10 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
     frames = options.frames or frame_range.FrameRange(scene.frame_start, scene.frame_end)
     if options.exact:
         return _exact(options, frames)
-    if to_bones_options.given(options) or hasattr(options, "armature") or hasattr(options, "gltf"):
+    if arguments.given(options, bake_options.ExactOptions) or hasattr(options, "armature"):
         raise ValueError("these options are for bakes with --exact: add it, or leave them out")
-    settings = conversion.Settings(
-        frames=frames,
-        bones=0 if options.rig_bones else options.bones,
-        max_influences=options.max_influences,
-        iterations=options.iterations,
-        tolerance=options.tolerance,
-    )
+    found = arguments.given(options, bake_options.FoundOptions)
+    settings = conversion.Settings(frames, **found | {"bones": 0} if options.rig_bones else found)
     objects = evaluation.objects_to_bake(bpy.context, names_of(options.objects))
     made = conversion.run(bpy.context, objects, settings)
     if options.max_error is not None and made.largest > options.max_error:
@@ -54,12 +49,16 @@ def _exact(options, frames):
     for ob in meshes:
         if ob not in own:
             raise ValueError(f"{rig.name} does not deform {ob.name}: name others with --objects")
-    made = exact.run(bpy.context, rig, meshes, exact.ExactSettings(frames, **to_bones_options.given(options)))
+    given = arguments.given(options, bake_options.ExactOptions)
+    glb = given.pop("gltf", "")
+    if "skeleton" in given:
+        given["target"] = given.pop("skeleton")
+    made = exact.run(bpy.context, rig, meshes, exact.ExactSettings(frames, **given))
     if options.max_error is not None and made.largest > options.max_error:
         raise ValueError(f"{made.sentence()}; that is more than {options.max_error:g}: bake with --flat")
-    if hasattr(options, "gltf"):
+    if glb:
         objects = [bpy.data.objects[name] for name in (made.armature, *made.objects)]
-        gltf.export(bpy.context, objects, options.gltf)
+        gltf.export(bpy.context, objects, glb)
     return _saved(options, made)
 
 

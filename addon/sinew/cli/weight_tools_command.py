@@ -7,7 +7,8 @@ from typing import Any
 import bpy
 
 from ..blender import units
-from ..weights import editing, judging_poses, reducing, transferring
+from ..weights import editing, judging_poses, reducing, transferring, weight_settings
+from . import arguments
 from .bake_command import names_of
 from .weights_command import save
 
@@ -18,7 +19,7 @@ def transfer(options: argparse.Namespace, open_blend: Callable[[str], None]) -> 
     """Runs the command. Returns the JSON document, the text and the exit code: 1 if a vertex has got no weights.
     open_blend(path) opens a file. Raises ValueError or OSError."""
     _open(options, open_blend)
-    settings = transferring.Settings(options.distance, options.angle, options.flipped)
+    settings = arguments.read(options, weight_settings.TransferSettings)
     made = transferring.Transfer(_meshes(options.sources), _meshes(options.targets), settings, options.add_modifier)
     made.compute()
     report = made.report() if options.measure else made.write()
@@ -27,13 +28,13 @@ def transfer(options: argparse.Namespace, open_blend: Callable[[str], None]) -> 
 
 def smooth(options: argparse.Namespace, open_blend: Callable[[str], None]) -> Result:
     """Runs the command, as transfer does. The exit code is 0."""
-    settings = editing.SmoothSettings(options.steps, options.factor, options.strength)
+    settings = arguments.read(options, weight_settings.SmoothSettings)
     return _edit(options, open_blend, lambda ob: editing.Smoothing(ob, settings))
 
 
 def mirror(options: argparse.Namespace, open_blend: Callable[[str], None]) -> Result:
     """Runs the command, as transfer does. The exit code is 0."""
-    settings = editing.MirrorSettings("XYZ".index(options.axis), options.source_side == "positive")
+    settings = arguments.read(options, weight_settings.MirrorSettings)
     return _edit(options, open_blend, lambda ob: editing.Mirroring(ob, settings))
 
 
@@ -41,7 +42,7 @@ def reduce(options: argparse.Namespace, open_blend: Callable[[str], None]) -> Re
     """Runs the command, as transfer does. The exit code is 1 if a vertex moves farther than the tolerance."""
     _open(options, open_blend)
     scene = bpy.context.scene
-    settings = reducing.Settings(options.max_influences, options.fade, options.tolerance)
+    settings = arguments.read(options, weight_settings.ReduceSettings)
     frames = options.frames or judging_poses.spread(scene.frame_start, scene.frame_end)
 
     def pose(armature, names):

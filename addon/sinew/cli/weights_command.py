@@ -8,8 +8,9 @@ import bpy
 
 from ..plan import bindable
 from ..weights import assigning, checking, parenting, pose_sheet
+from ..weights.weight_settings import AutomaticSettings
+from . import arguments
 from .bake_command import names_of
-from .option_types import identifier
 
 
 def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple[dict[str, Any], str, int]:
@@ -30,16 +31,7 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
         why = parenting.why_not(ob, armature)
         if why:
             raise ValueError(f"{ob.name} {why}")
-    settings = assigning.Settings(
-        identifier(options.bones),
-        options.resolution,
-        options.stiffness,
-        options.max_influences,
-        options.rigid_size,
-        options.rigid_follow,
-        options.rigid_group,
-    )
-    made = assigning.Assignment(objects, armature, settings)
+    made = assigning.Assignment(objects, armature, arguments.read(options, AutomaticSettings))
     made.compute()
     report = made.write()
     for ob in objects:

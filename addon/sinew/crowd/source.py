@@ -7,7 +7,7 @@ import bpy
 
 from ..bake import evaluation
 from ..plan import bindable
-from ..rig_files import rig_import
+from ..rig_files.file_options import ImportOptions
 from . import phases
 
 PROPERTY = "sinew_crowd"  # custom property of the crowd's object: its Source
@@ -34,7 +34,7 @@ class Source:
         """Returns phases.Phases. The scene does not change. Raises ValueError or OSError."""
         if self.filepath:
             path = bpy.path.abspath(self.filepath)
-            return phases.of_rig(path, rig_import.ImportOptions(pose=self.pose), self.count)
+            return phases.of_rig(path, ImportOptions(pose=self.pose), self.count)
         ob = context.view_layer.objects.get(self.character)
         if ob is None:
             raise ValueError(f"there is no object {self.character} in the view layer {context.view_layer.name}")

@@ -15,6 +15,7 @@ from bpy.props import (
 )
 
 from ..chain import methods
+from ..deform import choices
 from ..install import bind, deformed_copy
 from ..install.deformed_copy import OutputError
 from ..install.old_files import SinewReplacedModifier
@@ -22,45 +23,6 @@ from ..plan import wiring
 from ..run import characters, errors, in_pass
 from .skinning_properties import SinewSkinningSettings
 
-METHODS = (
-    ("LINEAR", "Linear", "Linear blend skinning: what the Armature modifier does by default"),
-    (
-        "DUAL_QUATERNION",
-        "Dual Quaternion",
-        "Dual quaternion skinning: keeps the volume of twisted and bent limbs, as the Armature "
-        "modifier does with Preserve Volume",
-    ),
-    # Methods that the Armature modifier does not have.
-    (
-        methods.BLENDED,
-        "Blended",
-        "Linear and dual quaternion skinning, mixed vertex by vertex by a share that can be painted",
-    ),
-    (
-        methods.CENTERS,
-        "Centers of Rotation",
-        "Each vertex turns about a center of its own, computed once from the weights: limbs neither collapse nor bulge",
-    ),
-    (
-        methods.MUSH,
-        "Direct Delta Mush",
-        "As if the mesh were smoothed after skinning and had got its detail back, computed once: soft joints, even "
-        "from rough weights",
-    ),
-)
-SOURCES = (
-    ("CLIP", "Rig's Poses", "The poses that were imported with the rig; the armature follows them"),
-    ("ARMATURE", "Armature", "The armature as Blender poses it: keyframes, constraints, drivers, posing by hand"),
-)
-OUTPUT_ITEMS = (
-    ("MODIFIER", "Modifier", "Show the shape through a modifier: the mesh keeps its rest shape"),
-    (
-        "MESH",
-        "Mesh",
-        "Also write the shape on each frame into the vertices of a hidden copy of the object, for "
-        "scripts and exporters that read a mesh's vertices",
-    ),
-)
 CLIP_MODES = (
     ("REST", "Rest", "The rest pose"),
     ("POSED", "Posed", "The last pose"),
@@ -99,14 +61,14 @@ def _apply_clip(settings, _context):
 
 def _read_method(settings):
     if settings.own_method in methods.OWN:
-        return [name for name, *_texts in METHODS].index(settings.own_method)
+        return [name for name, *_texts in choices.METHODS].index(settings.own_method)
     modifier = settings.modifier
     return int(modifier is not None and modifier.use_deform_preserve_volume)
 
 
 def _write_method(settings, number):
     if settings.modifier is not None:
-        bind.switch_method(settings.id_data, METHODS[number][0])
+        bind.switch_method(settings.id_data, choices.METHODS[number][0])
 
 
 def _deform_now(settings):
@@ -118,14 +80,14 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     """Settings of a mesh object, `object.sinew`. What an Armature modifier can define is set in the modifier itself."""
 
     method: EnumProperty(
-        items=METHODS,
+        items=choices.METHODS,
         name="Method",
         description="How the joints' motions are blended. The first two are the Armature modifier's",
         get=_read_method,
         set=_write_method,
     )
     source: EnumProperty(
-        items=SOURCES,
+        items=choices.SOURCES,
         name="Pose",
         description="Where the pose comes from",
         default="ARMATURE",
@@ -133,7 +95,7 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
         override=OVERRIDE,
     )
     output: EnumProperty(
-        items=OUTPUT_ITEMS,
+        items=choices.OUTPUTS,
         name="Output",
         description="Where the deformed positions go",
         update=_apply_output,
@@ -152,7 +114,7 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     # Set by bind.py, not by the user.
     own_method: StringProperty(options={"HIDDEN"}, override=OVERRIDE)  # of methods.OWN; "": the modifier's
     is_bound: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
-    installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"}, override=OVERRIDE)
+    installed_output: EnumProperty(items=choices.OUTPUTS, options={"HIDDEN"}, override=OVERRIDE)
     has_added_modifier: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     needs_attribute: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)  # or a canvas, and Sinew's own modifier
     canvas: PointerProperty(type=bpy.types.Object, options={"HIDDEN"}, override=OVERRIDE)  # see canvases.py

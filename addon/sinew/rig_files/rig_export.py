@@ -16,18 +16,12 @@ from ..feedback import progress
 from ..native import sinew_native
 from ..plan import bindable
 from . import rig_import
+from .file_options import ExportOptions
 
 
-def export_rig(
-    context: Any, ob: Any, skeleton_path: str, animation: str = "AUTO", up_axis: str = "Y", shown: Any = progress.SILENT
-) -> None:
-    """Writes mesh.obj, the skeleton, weights.dmat and, if there are poses, pose.dmat or anim.dmat.
-
-    animation: AUTO writes the scene's frames if the armature is animated and not posed by the imported clip,
-    and otherwise that clip; FRAMES always writes the scene's frames; NONE writes neither. up_axis: the axis of the
-    files that the mesh's Z axis becomes, "Y" or "Z"; an imported rig is written in the axes of its own files. Raises
-    ValueError with the reason.
-    """
+def export_rig(context: Any, ob: Any, skeleton_path: str, options: ExportOptions, shown: Any = progress.SILENT) -> None:
+    """Writes mesh.obj, the skeleton, weights.dmat and, if there are poses, pose.dmat or anim.dmat. Raises ValueError
+    with the reason."""
     armature = bindable.find_armature(ob)
     if armature is None:
         raise ValueError(f"{ob.name} has no armature: give it one, or choose another mesh")
@@ -36,7 +30,7 @@ def export_rig(
         raise ValueError(f"There is no folder {folder}: make it first")
 
     from_file = clip_store.has_skeleton(armature.data)
-    files_from_mesh = np.eye(4) if from_file else np.linalg.inv(rig_import.orientation(up_axis))
+    files_from_mesh = np.eye(4) if from_file else np.linalg.inv(rig_import.orientation(options.up_axis))
     if from_file:
         skeleton = clip_store.load_skeleton(armature.data)
         joints = clip_store.own_joints(armature)
@@ -49,9 +43,9 @@ def export_rig(
     plays_clip = clip_store.has_poses(armature.data) and ob.sinew.source == "CLIP"
     drive = armature.animation_data
     is_animated = bool(drive and (drive.action or drive.nla_tracks or drive.drivers)) and not plays_clip
-    if animation == "AUTO" and from_file and not is_animated:
+    if options.animation == "AUTO" and from_file and not is_animated:
         poses, matrices = clip_store.load_poses(armature.data)
-    if animation == "FRAMES" or animation == "AUTO" and is_animated:
+    if options.animation == "FRAMES" or options.animation == "AUTO" and is_animated:
         matrices = sample_frames(context, ob, armature, joints, len(names), shown)
         matrices = files_from_mesh @ matrices @ np.linalg.inv(files_from_mesh)
 

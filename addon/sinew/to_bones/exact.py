@@ -11,6 +11,7 @@ import numpy as np
 
 from ..bake.frame_range import FrameRange
 from ..blender import bounds, weight_writing
+from ..blender.selection import select
 from ..feedback import long_work
 from ..install import bind
 from ..plan import bindable
@@ -94,11 +95,11 @@ def steps(
         if target is not None:
             _restore(target, kept)
         rig_import.remove(created)
-        writing.select(context, *selection)
+        select(context, *selection)
         raise
     finally:
         scene.frame_set(frame[0], subframe=frame[1])
-    writing.select(context, armature, (armature, *copies))
+    select(context, armature, (armature, *copies))
     is_off = off > SHEARS * _size(made)
     return ExactReport(
         armature=armature.name,

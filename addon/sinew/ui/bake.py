@@ -83,7 +83,7 @@ class Bake(available.Explains, BakeSettings, bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def execute(self, _context):
+    def run(self, _context):
         return self.start(bpy.ops.object.sinew_bake_frames)
 
 
@@ -100,18 +100,17 @@ class BakeFrames(available.Explains, BakeSettings, InSteps, bpy.types.Operator):
     def why_not(cls, context):
         return not_now(context)
 
-    def execute(self, context):
-        return self.at_once(lambda: self.finish(context, baking.run(context, self.job(context))))
+    def run(self, context):
+        return self.finish(context, baking.run(context, self.job(context)))
 
     def invoke(self, context, _event):
         return self.at_once(lambda: self.begin(context, baking.steps(context, self.job(context))))
 
-    def finish(self, context: bpy.types.Context, baked: list[Any]) -> set[str]:
+    def finish(self, context: bpy.types.Context, baked: list[Any]) -> None:
         for each in baked:
             self.report({"INFO"}, each.sentence())
             if self.play:
                 mesh_cache.set_up(context, context.view_layer.objects[each.name], each.path)
-        return {"FINISHED"}
 
 
 class PlayCache(available.Explains, bpy.types.Operator):
@@ -135,13 +134,8 @@ class PlayCache(available.Explains, bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def execute(self, context):
-        try:
-            mesh_cache.set_up(context, context.active_object, bpy.path.abspath(self.filepath))
-        except (ValueError, OSError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+    def run(self, context):
+        mesh_cache.set_up(context, context.active_object, bpy.path.abspath(self.filepath))
 
 
 class TakeOffCache(available.Explains, bpy.types.Operator):
@@ -156,14 +150,13 @@ class TakeOffCache(available.Explains, bpy.types.Operator):
         is_any = any(mesh_cache.is_on(ob) for ob in selected_meshes(context))
         return available.other_mode(context, "OBJECT") or ("" if is_any else "Select a mesh that plays a cache")
 
-    def execute(self, context):
+    def run(self, context):
         for ob in selected_meshes(context):
             if mesh_cache.is_on(ob):
                 for name in mesh_cache.take_off(ob):
                     self.report(
                         {"WARNING"}, f"{ob.name} has lost the modifier {name}, which the cache had switched off"
                     )
-        return {"FINISHED"}
 
 
 CLASSES = (Bake, BakeFrames, PlayCache, TakeOffCache)

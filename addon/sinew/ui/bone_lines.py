@@ -3,15 +3,14 @@
 import bpy
 import gpu
 import numpy as np
-from bpy.props import EnumProperty
 from gpu_extras.batch import batch_for_shader
 
 from ..blender.drawn import Drawn
 from ..feedback import notice
 from ..weights import assigning, bone_segments
-from . import available
+from ..weights.weight_settings import AutomaticSettings
+from . import available, option_properties
 from .display import armature_of, no_armature
-from .weights import ENDS
 
 COLOR = (1.0, 0.55, 0.1, 1.0)
 _ends = bone_segments.AUTOMATIC
@@ -52,13 +51,13 @@ class ToggleBoneLines(available.Explains, bpy.types.Operator):
     bl_label = "Bone Lines"
     bl_options = {"REGISTER"}
 
-    ends: EnumProperty(name="Bones", description="The line that each bone stands for", items=ENDS)
+    ends: option_properties.one(AutomaticSettings, "ends")
 
     @classmethod
     def why_not(cls, context):
         return no_armature(context.active_object)
 
-    def execute(self, _context):
+    def run(self, _context):
         global _ends
         is_same = are_shown() and _ends == self.ends
         _lines.hide()
@@ -66,7 +65,6 @@ class ToggleBoneLines(available.Explains, bpy.types.Operator):
             _ends = self.ends
             _lines.show()
         notice.redraw()
-        return {"FINISHED"}
 
 
 def draw(layout: bpy.types.UILayout) -> None:

@@ -3,6 +3,7 @@
 import bpy
 from bpy.props import IntProperty, StringProperty
 
+from ..blender import selection
 from ..crowd import making, source
 from ..feedback import progress
 from . import available
@@ -50,22 +51,15 @@ class AddCrowd(available.Explains, bpy.types.Operator):
         for name in names:
             self.layout.prop(self, name)
 
-    def execute(self, context):
+    def run(self, context):
         path = next((ob for ob in context.selected_objects if ob.type == "CURVE"), None)
-        try:
-            with progress.shown(context) as shown:
-                origin = self.source(context)
-                made = origin.phases(context, shown)
-                ob = making.build(context, made, self.agents, path, self.lanes, self.seed)
-        except (ValueError, OSError, MemoryError) as error:
-            return fail(self, error)
+        with progress.shown(context) as shown:
+            origin = self.source(context)
+            made = origin.phases(context, shown)
+            ob = making.build(context, made, self.agents, path, self.lanes, self.seed)
         origin.keep(ob)
-        for other in context.selected_objects:
-            other.select_set(False)
-        ob.select_set(True)
-        context.view_layer.objects.active = ob
+        selection.select(context, ob, (ob,))
         self.report({"INFO"}, f"{self.agents:,} agents, {made.count} shapes of {made.frames:g} frames")
-        return {"FINISHED"}
 
     def source(self, context: bpy.types.Context) -> source.Source:
         if self.filepath:
@@ -94,24 +88,15 @@ class RenewCrowd(available.Explains, bpy.types.Operator):
         is_crowd = ob is not None and making.modifier_of(ob) is not None
         return available.other_mode(context, "OBJECT") or ("" if is_crowd else "Select a crowd")
 
-    def execute(self, context):
+    def run(self, context):
         ob = context.active_object
-        try:
-            origin = source.kept(ob)
-            if origin is None:
-                raise ValueError(f"{ob.name} does not know what it was made from: add another crowd")
-            with progress.shown(context) as shown:
-                made = origin.phases(context, shown)
-        except (ValueError, OSError, MemoryError) as error:
-            return fail(self, error)
+        origin = source.kept(ob)
+        if origin is None:
+            raise ValueError(f"{ob.name} does not know what it was made from: add another crowd")
+        with progress.shown(context) as shown:
+            made = origin.phases(context, shown)
         making.renew(context.scene, ob, made)
         self.report({"INFO"}, f"{made.count} shapes of {made.frames:g} frames")
-        return {"FINISHED"}
-
-
-def fail(operator: bpy.types.Operator, error: Exception) -> set[str]:
-    operator.report({"ERROR"}, str(error) or "There is not enough memory")
-    return {"CANCELLED"}
 
 
 CLASSES = (AddCrowd, RenewCrowd)

@@ -130,7 +130,7 @@ class ToggleWeights(available.Explains, bpy.types.Operator):
         why = available.no_mesh(ob) or ("Leave Edit Mode" if ob.mode == "EDIT" else "")
         return why or ("" if len(ob.vertex_groups) else f"{ob.name} has no vertex groups")
 
-    def execute(self, context):
+    def run(self, context):
         ob = context.active_object
         areas = context.screen.areas if context.screen else ()
         views = [area.spaces.active for area in areas if area.type == "VIEW_3D"]
@@ -138,7 +138,6 @@ class ToggleWeights(available.Explains, bpy.types.Operator):
             hide_weights(ob, views)
         else:
             show_weights(ob, views)
-        return {"FINISHED"}
 
 
 class ToggleSkeleton(available.Explains, bpy.types.Operator):
@@ -154,13 +153,12 @@ class ToggleSkeleton(available.Explains, bpy.types.Operator):
         ob = context.active_object
         return no_armature(ob) or ("" if ob.mode == "OBJECT" else "Switch to Object Mode")
 
-    def execute(self, context):
+    def run(self, context):
         armature = armature_of(context.active_object)
         if is_skeleton_shown(armature):
             armature.hide_set(True)
         else:
             show_skeleton(context, armature)
-        return {"FINISHED"}
 
 
 def armature_of(ob: bpy.types.Object) -> bpy.types.Object | None:

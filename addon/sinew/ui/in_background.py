@@ -19,19 +19,15 @@ class InBackground(InSteps):
     computing = "making weights"
     stopped = "Stopped: no weights were changed"
 
-    def execute(self: Any, context):
+    def run(self: Any, context):
         """For scripts, and for Adjust Last Operation. That takes back what was done, calls this, and gives up what does
         not end with FINISHED, so it cannot go on in `modal`: Blender waits, and the cursor shows the progress."""
-
-        def work():
-            made = self.assignment(context)
-            with progress.shown(context, draws=False) as shown:
-                for step in self.in_thread(made):
-                    shown.step(*step)
-                    sleep(SECONDS_BETWEEN_STEPS)
-            return self.finish(context, made)
-
-        return self.at_once(work)
+        made = self.assignment(context)
+        with progress.shown(context, draws=False) as shown:
+            for step in self.in_thread(made):
+                shown.step(*step)
+                sleep(SECONDS_BETWEEN_STEPS)
+        return self.finish(context, made)
 
     def invoke(self: Any, context, _event):
         if bpy.app.background or context.window is None:

@@ -1,18 +1,19 @@
 """Modal operators that work step by step while the interface stays responsive, with progress and Esc."""
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import ExitStack
 from time import perf_counter
 from typing import Any
 
 from ..feedback import progress
+from . import available
 
 SECONDS_BETWEEN_STEPS = 0.01  # lets Blender draw and notice Esc
 
 
-class InSteps:
+class InSteps(available.Reports):
     """The operator calls `begin` in its invoke(). It defines `finish(context, value)`, which receives the return value
-    of the steps, returns an operator's result, and may raise the same errors as the steps."""
+    of the steps, and returns and raises what `run` does."""
 
     stopped = ""  # the message after Esc
     seconds_in_a_row = 0.0  # how long steps may run before Blender draws again
@@ -48,7 +49,7 @@ class InSteps:
             self.cancel(context)
             done = end.value
             return self.at_once(lambda: self.finish(context, done))
-        except (ValueError, OSError) as error:
+        except available.ERRORS as error:
             self.cancel(context)
             return self.fail(error)
         except BaseException:
@@ -57,15 +58,3 @@ class InSteps:
 
     def cancel(self, _context):
         self._stack.close()
-
-    def at_once(self, work: Callable[[], set[str]]) -> set[str]:
-        """Calls work() and reports its errors."""
-        try:
-            return work()
-        except (ValueError, OSError) as error:
-            return self.fail(error)
-
-    def fail(self: Any, error: Any) -> set[str]:
-        name = getattr(error, "filename", None)
-        self.report({"ERROR"}, f"{name}: {error.strerror}" if name else str(error))
-        return {"CANCELLED"}

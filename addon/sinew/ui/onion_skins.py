@@ -27,11 +27,10 @@ class ToggleOnionSkins(available.Explains, bpy.types.Operator):
     def why_not(cls, context):
         return played_rigs.nothing_chosen(context)
 
-    def execute(self, context):
+    def run(self, context):
         armatures = [ob for ob in played_rigs.chosen(context) if rigs.has_animation(ob)]
         if not armatures:
-            self.report({"ERROR"}, "the selected characters have no keyframes, so there is nothing to show")
-            return {"CANCELLED"}
+            raise ValueError("the selected characters have no keyframes, so there is nothing to show")
         own = [rigs.learn(ob) for ob in armatures]
         change = ghosts.hide if all(rig.skins is not None for rig in own) else ghosts.show
         for rig in own:
@@ -45,7 +44,6 @@ class ToggleOnionSkins(available.Explains, bpy.types.Operator):
                     "on. Record plays all of them",
                 )
         notice.redraw()
-        return {"FINISHED"}
 
 
 def fill() -> float:

@@ -40,10 +40,10 @@ class OverFrames:
                 setattr(self, name, getattr(scene, name))
 
     def start(self: Any, steps: Any) -> set[str]:
-        """Calls the operator `steps` with the settings: with progress if there is a window. Reports its errors."""
+        """Calls the operator `steps` with the settings: with progress if there is a window. Raises ValueError
+        with its error."""
         how = "EXEC_DEFAULT" if bpy.app.background or bpy.context.window is None else "INVOKE_DEFAULT"
         try:
             return {"FINISHED"} & steps(how, **self.settings()) or {"CANCELLED"}
         except RuntimeError as error:
-            self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
-            return {"CANCELLED"}
+            raise ValueError(str(error).strip().removeprefix("Error: ")) from error

@@ -39,10 +39,10 @@ class _Records(available.Explains, InSteps):
     def invoke(self: Any, context, _event):
         return self.begin(context, self._steps_of(context))
 
-    def execute(self: Any, context):
+    def run(self: Any, context):
         for _step in self._steps_of(context):
             pass
-        return self.at_once(lambda: self.finish(context, None))
+        return self.finish(context, None)
 
     def _steps_of(self: Any, context):
         return recording.steps(context.scene, context.view_layer, self.armatures(context))
@@ -114,13 +114,12 @@ class LeaveToBlender(available.Explains, bpy.types.Operator):
         has_any = any(rig.is_wanted for rig in rigs.known())
         return not_now(context) or ("" if has_any else "All rigs are Blender's")
 
-    def execute(self, context):
+    def run(self, context):
         selected = chosen(context)
         for rig in rigs.known():
             if rig.ob in selected or not selected:
                 rig.ob.sinew_accelerates_rig = False
         notice.redraw()
-        return {"FINISHED"}
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

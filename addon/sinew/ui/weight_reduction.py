@@ -5,12 +5,14 @@ from typing import Any
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty
 
-from ..blender import meshes, units
+from ..blender import meshes, selection, units
 from ..feedback import notice, progress
 from ..weights import background, judging_poses, reducing
-from .weight_tools import EditsWeights, MirrorWeights, SmoothWeights, TransferWeights, show_in_edit_mode
+from ..weights.weight_settings import ReduceSettings
+from . import option_properties
+from .weight_tools import EditsWeights, MirrorWeights, SmoothWeights, TransferWeights
 
 FRAMES, TEST = "FRAMES", "TEST"
 DIALOG_WIDTH = 420
@@ -28,7 +30,7 @@ class Measuring:
         self.made: Any = None  # the newest reduction
         self.region: Any = None  # of the dialog; of 4.2 and later
 
-    def begin(self, settings: reducing.Settings, source: Any, read: Callable[[], reducing.Reduction]) -> None:
+    def begin(self, settings: ReduceSettings, source: Any, read: Callable[[], reducing.Reduction]) -> None:
         """Computes a reduction, unless it is the newest already. read(): reads one, which is only called if the source
         differs from that of the newest. Raises its ValueError."""
         if source == self._source and settings == self.made.settings:
@@ -69,6 +71,7 @@ class Measuring:
         return self._say(result.report()) if isinstance(result, reducing.Reduction) else str(result or "")
 
 
+@option_properties.added(ReduceSettings)
 class ReduceInfluences(EditsWeights, bpy.types.Operator):
     """Leave each vertex only so many bones. Which go is decided by how far the vertex moves without them, and the rest
     is fitted anew. A dialog tells how far vertices move before anything changes. With a vertex or face mask, only the
@@ -78,14 +81,6 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
     bl_label = "Reduce Influences (Sinew)"
     computing = "reducing influences"
 
-    max_influences: IntProperty(
-        name="Most Bones",
-        description="The largest number of bones per vertex. Many game engines allow 4",
-        default=4,
-        min=1,
-        soft_max=12,
-        max=64,
-    )
     poses: EnumProperty(
         name="Poses",
         description="In which poses the vertices' moves are measured",
@@ -104,23 +99,6 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
     )
     frame_end: IntProperty(
         name="Last Frame", description="The last frame to play; by default the scene's", options={"SKIP_SAVE"}
-    )
-    rings: IntProperty(
-        name="Fade",
-        description="Over how many edges a bone fades out towards vertices that have lost it, so that no seam shows",
-        default=2,
-        min=0,
-        soft_max=10,
-        max=64,
-    )
-    tolerance: FloatProperty(
-        name="Tolerance",
-        description="Select the vertices that move farther than this; 0: none",
-        default=0.0,
-        min=0.0,
-        subtype="DISTANCE",
-        unit="LENGTH",
-        precision=4,
     )
     measure: BoolProperty(
         name="Only Measure",
@@ -160,7 +138,9 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
 
         def begin():
             source = self.poses, self.frame_start, self.frame_end
-            self._measuring.begin(self.reduction_settings(), source, lambda: EditsWeights.assignment(self, context))
+            self._measuring.begin(
+                option_properties.read(self, ReduceSettings), source, lambda: EditsWeights.assignment(self, context)
+            )
 
         self.or_in_test_poses(begin)
 
@@ -185,13 +165,10 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
             self._measuring.close()
             self._measuring = None
 
-    def execute(self, context):
+    def run(self, context):
+        """Writes what the dialog tells, in steps if it is still computed."""
         if self._measuring is None:
-            return super().execute(context)
-        return self.at_once(lambda: self.confirmed(context))
-
-    def confirmed(self, context):
-        """Writes what the dialog tells, in steps if it is still computed. Raises ValueError."""
+            return super().run(context)
         self.measured(context)  # of the settings as they are
         measuring, self._measuring = self._measuring, None
         measuring.close(stops=False)
@@ -199,11 +176,8 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
             return self.begin(context, measuring.steps(self.computing))
         return self.finish(context, measuring.made)
 
-    def reduction_settings(self) -> reducing.Settings:
-        return reducing.Settings(self.max_influences, self.rings, self.tolerance)
-
     def edit(self, ob, free):
-        return reducing.Reduction(ob, self.pose, self.reduction_settings(), free)
+        return reducing.Reduction(ob, self.pose, option_properties.read(self, ReduceSettings), free)
 
     def pose(self, armature: bpy.types.Object, names: tuple[str, ...]) -> np.ndarray:
         """Returns the matrices of the bones in the poses."""
@@ -228,11 +202,10 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
             if context.mode == "PAINT_WEIGHT":
                 made.ob.data.use_paint_mask_vertex = True
             elif self.measure and over.any():
-                show_in_edit_mode(context, [made.ob])
+                selection.show_vertices(context, [made.ob])
         self._said = report.sentence(lambda distance: units.length(context.scene, distance))
         self.report({"WARNING"} if report.over else {"INFO"}, self._said)
         notice.redraw()
-        return {"FINISHED"}
 
     def draw(self, context):
         layout = self.layout

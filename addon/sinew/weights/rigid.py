@@ -7,9 +7,6 @@ from ..blender import bounds
 from . import checks
 from .entries import Entries
 
-GROUP = "Rigid"  # the name of the vertex group
-SIZE = 0.02  # of the mesh's size: smaller loose parts are rigid, such as a person's eyes, teeth, buckles
-
 
 def members(ob: bpy.types.Object, weights: Entries, name: str) -> np.ndarray:
     """Returns (V,) bool: the vertices with weight in the vertex group of a name. weights: all of the object's, with
