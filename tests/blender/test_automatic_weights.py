@@ -630,14 +630,14 @@ def test_the_lines_are_shown_and_hidden():
     ob, armature = make_figure()
     armature_of(ob, armature).location = (0, 0, 1)
     bpy.context.view_layer.update()
-    bone_lines = addon_module("ui.bone_lines")
-    found = bone_lines.lines(armature, "TAIL").reshape(-1, 2, 3)
+    display = addon_module("ui.display")
+    found = display.lines(armature, "TAIL").reshape(-1, 2, 3)
     assert np.allclose(found[2], [(0, 0.1, 3), (0, 0.15, 4)], atol=1e-6) and len(found) == 6
     select(ob)
     states = []
     for ends in ("AUTOMATIC", "CHILD", "CHILD"):
         assert bpy.ops.object.sinew_show_bone_lines(ends=ends) == {"FINISHED"}
-        states.append(bone_lines.are_shown())
+        states.append(display.are_lines_shown())
     assert states == [True, True, False]
 
 

@@ -305,7 +305,7 @@ def test_the_newest_settings_win_and_nobody_waits_for_older_ones():
 def test_the_dialog_tells_what_the_newest_settings_do():
     ob, _ = make_animated()
     settings, reads = addon_module("weights.reducing").ReduceSettings, []
-    measuring = addon_module("ui.weight_reduction").Measuring(lambda report: report.sentence(str))
+    measuring = addon_module("ui.weight_tools").Measuring(lambda report: report.sentence(str))
 
     def read():
         reads.append(reduction(ob, 1))

@@ -40,9 +40,8 @@ NATIVE_LAYERS = (
     {"weight_tools"},
 )
 PURE = {
-    "bake.baked",
-    "bake.frame_range",
     "bake.job",
+    "bake.frame_range",
     "bake.leftovers",
     "bake.part_files",
     "bake.point_cache",

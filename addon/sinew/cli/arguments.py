@@ -49,9 +49,9 @@ def add(command: Any, kind: Any, *names: str, types: Mapping[str, Any] = {}) -> 
                 choices = [word(each) for each, *_ in option.items]
                 how, default = {"choices": choices, "type": _as_one_of(choices)}, word(default)
             elif isinstance(default, int):
-                how["type"] = positive_integer if option.least else whole_number
+                how["type"] = positive_integer if option.limits[0] else whole_number
             elif isinstance(default, float):
-                how["type"] = share if (option.least, option.most) == (0.0, 1.0) else positive_number
+                how["type"] = share if option.limits == (0.0, 1.0) else positive_number
             if option.more.get("subtype") == "ANGLE":
                 how["metavar"] = "DEGREES"
             if "type" in how and name not in types and default != 0.0:

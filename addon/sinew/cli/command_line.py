@@ -23,17 +23,9 @@ from ..plan import bindable
 from ..profiling import costs, measure
 from ..rig_files import rig_export, rig_import
 from ..rig_files.file_options import ExportOptions, FileOptions, ImportOptions
-from . import (
-    bake_command,
-    bench_command,
-    command_options,
-    output,
-    rig_command,
-    to_bones_command,
-    weight_tools_command,
-    weights_command,
-)
+from . import bake_commands, bench_command, command_options, output, rig_command, weight_commands
 from .arguments import identifier, read
+from .blend_files import open_blend, sentence
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -47,7 +39,8 @@ def run(arguments: Sequence[str]) -> int:
     except (ValueError, OSError, MemoryError) as error:
         print(f"sinew: {sentence(error)}", file=sys.stderr, flush=True)
         return 1
-    flush_blender()
+    if os.name == "posix":  # in a pipe, Blender's own output would otherwise appear after ours
+        ctypes.CDLL(None).fflush(None)
     print(json.dumps(document) if options.json else text, flush=True)
     return code[0] if code else 0
 
@@ -55,12 +48,6 @@ def run(arguments: Sequence[str]) -> int:
 def main() -> NoReturn:
     """Runs the words after `--` and ends the process."""
     sys.exit(run(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []))
-
-
-def flush_blender() -> None:
-    """Flushes C's stdout: in a pipe, Blender's own output would otherwise appear after ours."""
-    if os.name == "posix":
-        ctypes.CDLL(None).fflush(None)
 
 
 # --- commands: options -> JSON document, text, exit code if not 0 -----------------------------------------------------
@@ -140,56 +127,23 @@ def run_bench(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     return output.report_bench(options, contest, results)
 
 
-def run_bake(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
-    return bake_command.run(options, open_blend)
-
-
-def run_to_bones(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
-    return to_bones_command.run(options, open_blend)
-
-
-def run_weights(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
-    return weights_command.run(options, open_blend)
-
-
-def run_weight_tool(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
-    return weight_tools_command.COMMANDS[options.command](options, open_blend)
-
-
 COMMANDS: dict[str, Callable[[argparse.Namespace], tuple[Any, ...]]] = {
     "info": info,
     "import": import_,
     "export": export,
-    "weights": run_weights,
-    **dict.fromkeys(weight_tools_command.COMMANDS, run_weight_tool),
-    "bake": run_bake,
-    "bake-to-bones": run_to_bones,
-    "rig": lambda options: rig_command.run(options, open_blend),
+    "weights": weight_commands.assign,
+    "weights transfer": weight_commands.transfer,
+    "weights smooth": weight_commands.smooth,
+    "weights mirror": weight_commands.mirror,
+    "weights reduce": weight_commands.reduce,
+    "bake": bake_commands.bake,
+    "bake-to-bones": bake_commands.bake_to_bones,
+    "rig": rig_command.run,
     "bench": run_bench,
 }
 
 
 # --- files ----------------------------------------------------------------------------------------
-
-
-def open_blend(path: str) -> None:
-    """Opens a file. All references to data of the previous file become invalid."""
-    if not os.path.isfile(path):
-        raise ValueError(f"there is no file {path}")
-    try:
-        bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
-    except RuntimeError as error:
-        if bpy.data.filepath != path:  # otherwise it is open, and only some part of it is damaged
-            raise ValueError(sentence(error)) from error
-
-
-def sentence(error: Exception) -> str:
-    """Returns the message of an error, without the "Error: " that operators put before it."""
-    if isinstance(error, OSError) and error.filename:
-        return f"{error.filename}: {error.strerror}"
-    if isinstance(error, MemoryError):
-        return str(error) or "there is not enough memory"
-    return str(error).strip().splitlines()[-1].removeprefix("Error: ")
 
 
 def skeleton_path(path: str) -> str:

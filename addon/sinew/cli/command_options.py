@@ -16,15 +16,12 @@ from .arguments import add_file, add_frames, add_objects, add_save, blend_path, 
 
 BLENDERS_METHODS = tuple(word(name) for name, *_ in choices.METHODS[:2])  # those of its Armature modifier
 NEGATIVE = "default: the scene's; if the first is negative, --frames=-5-10"
-# The second words of commands of two words, of which `weights` is the first.
-TOOLS = ("transfer", "smooth", "mirror", "reduce")
 
 
 def joined(words: list[str]) -> list[str]:
     """Returns the words of a shell, with a command of two words as one."""
-    if words[:1] == ["weights"] and words[1:2] and words[1] in TOOLS:
-        return [" ".join(words[:2]), *words[2:]]
-    return words
+    own = " ".join(words[:2])
+    return [own, *words[2:]] if own in COMMANDS else words
 
 
 def make_parser() -> argparse.ArgumentParser:

@@ -131,7 +131,7 @@ def is_wanted(ob: bpy.types.Object, path: str, found: targets.Targets) -> bool:
 def driver_of(
     path: str, curve: bpy.types.FCurve, row: Any, own: driver_memory.Variables, found: targets.Targets, outside: Outside
 ) -> dict[str, Any]:
-    """row, own: of curves.rows_of and driver_variables.read. Raises Refused."""
+    """row, own: of curves.rows_of and driver_memory.read_variables. Raises Refused."""
     driver = curve.driver
     result: dict[str, Any] = {
         "path": path,

@@ -1,26 +1,23 @@
 """Options that people choose in a dialog or in a shell: the fields of a dataclass, each with its name, what it does and
-its limits. An operator's properties (ui/option_properties.py) and a command's arguments (cli/option_types.py) are made
+its limits. An operator's properties (ui/option_properties.py) and a command's arguments (cli/arguments.py) are made
 from them. Independent of Blender."""
 
 import dataclasses
 from typing import Any, NamedTuple
 
-Items = tuple[tuple[str, str, str], ...]  # choices: identifier, name, what it means
-
 
 class Option(NamedTuple):
-    """label, text: in the interface, the text without a stop. least, most: the limits of a number; soft: how far its
-    slider goes. more: further arguments of Blender's property; with the subtype ANGLE, the field is in degrees.
+    """label, text: in the interface, the text without a stop. limits: of a number, the least, the largest and how far
+    its slider goes; None, or left out, for none. items: choices. more: further arguments of Blender's property; with
+    the subtype ANGLE, the field is in degrees.
 
     word: what the argument is called, "" as the field; help: of the argument, "" the text; value: what stands for its
     value."""
 
     label: str
     text: str
-    least: float | None = None
-    most: float | None = None
-    soft: float | None = None
-    items: Items = ()
+    limits: tuple[float | None, ...] = ()
+    items: tuple[tuple[str, str, str], ...] = ()  # identifier, name, what it means
     word: str = ""
     help: str = ""
     value: str = ""

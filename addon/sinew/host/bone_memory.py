@@ -12,6 +12,22 @@ from . import contract, features, poses, proof
 from .members import BEND, CHANNELS, CONSTRAINTS, LIMITS, REST
 
 _HANDLES = "*bbone_prev", "*bbone_next"
+_FLOAT, _ADDRESS = 4, 8  # bytes
+# By the member: what Blender's API calls it, or its parts.
+_POSED = {member: (name,) for member, (name, _skipped) in poses.NAMES.items()} | LIMITS
+_REST = {member: (name,) for member, name in REST.items()} | {member: _POSED[member] for member in BEND}
+_ADDRESSES = {
+    "bPoseChannel": ("*next", "*parent", "constraints", "*prop"),
+    "Bone": ("*prop",),
+}  # of the first of a list
+# What evaluations write into bones, what is selected, and what is only drawn.
+_NOT_SET = (
+    *("flag", "selectflag", "chan_mat", "pose_mat", "disp_mat", "disp_tail_mat", "constinv", "pose_head", "pose_tail"),
+    "runtime",
+)
+_WRITTEN = "enforce", "flag"
+_ARMATURE = "bArmatureConstraint"
+_MUTED = 512  # a bit of a constraint's flags
 
 
 @contract.kept
@@ -45,16 +61,6 @@ def read_handles(data: Any) -> bytes:
 def _read_data(data: Any, has_handles: bool) -> bytes:
     first, bones = _bytes_layout(has_handles)
     return bones.bytes_of_list(contract.address_at(data.as_pointer() + first))
-
-
-_FLOAT, _ADDRESS = 4, 8  # bytes
-# By the member: what Blender's API calls it, or its parts.
-_POSED = {member: (name,) for member, (name, _skipped) in poses.NAMES.items()} | LIMITS
-_REST = {member: (name,) for member, name in REST.items()} | {member: _POSED[member] for member in BEND}
-_ADDRESSES = {
-    "bPoseChannel": ("*next", "*parent", "constraints", "*prop"),
-    "Bone": ("*prop",),
-}  # of the first of a list
 
 
 class Numbers(NamedTuple):
@@ -147,15 +153,6 @@ def _is_shown(found: Numbers, bones: Any) -> bool:
     )
 
 
-# What evaluations write into bones, what is selected, and what is only drawn.
-_NOT_SET = (
-    *("flag", "selectflag", "chan_mat", "pose_mat", "disp_mat", "disp_tail_mat", "constinv", "pose_head", "pose_tail"),
-    "runtime",
-)
-_WRITTEN = "enforce", "flag"
-_ARMATURE = "bArmatureConstraint"
-
-
 def _whole(kind: str, *lists: tuple[int, Any]) -> Any:
     return sinew_native.host.Described([(0, contract.struct_size(kind))], [], [], list(lists))
 
@@ -223,9 +220,6 @@ def _can_read(ob: bpy.types.Object) -> bool:
                 return False
             proof.give("constraints of poses")
     return True
-
-
-_MUTED = 512  # a bit of a constraint's flags
 
 
 def can_set_constraints() -> bool:

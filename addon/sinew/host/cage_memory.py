@@ -11,6 +11,8 @@ from . import contract, deform_verts, features, proof
 
 _SURFACE, _MESH = "SurfaceDeformModifierData", "MeshDeformModifierData"
 _IS_BOUND = 1  # a bit of the flags; without it, Blender drops the binding at the next evaluation
+_INFLUENCE = np.dtype([("vertex", np.int32), ("weight", np.float32)])  # MDefInfluence
+_FIRST_POINT, _STEP = ("fu", "fv", "fw"), ("du", "dv", "dw")
 
 
 class Counts(NamedTuple):
@@ -84,9 +86,6 @@ def read_mesh(modifier: Any) -> tuple[np.ndarray, ...]:
     return offsets, influences["vertex"].copy(), influences["weight"].copy(), positions.reshape(-1, 3)
 
 
-_INFLUENCE = np.dtype([("vertex", np.int32), ("weight", np.float32)])  # MDefInfluence
-
-
 def _copied(address: int, count: int, dtype: Any) -> np.ndarray:
     """Returns a copy of the numbers at an address, (count,)."""
     if address == 0 or count <= 0:
@@ -99,9 +98,6 @@ def mesh_matrix(modifier: Any) -> np.ndarray:
     """Returns the matrix from the cage's space to that of its positions when the modifier was bound, (4, 4)
     float32."""
     return _matrix(modifier, _MESH, "bindmat")
-
-
-_FIRST_POINT, _STEP = ("fu", "fv", "fw"), ("du", "dv", "dw")
 
 
 def rest_grid(lattice: Any) -> tuple[list[float], list[float]]:

@@ -13,6 +13,20 @@ import bpy
 from ..native import sinew_native
 from . import contract, features, proof
 
+_CHOICES = "transform_type", "transform_space", "rotation_mode"
+_OF_TWO = "LOC_DIFF", "ROTATION_DIFF"
+_get = attrgetter("id", "data_path", "bone_target", *_CHOICES)
+_OF_TARGET = (
+    ("*id", "P"),
+    ("*rna_path", "s"),
+    ("pchan_name", "s"),
+    ("transChan", "h"),
+    ("flag", "h"),
+    ("rotation_mode", "b"),
+)
+Target = tuple[bpy.types.ID | None, str, str, str, str, str]  # as above
+Variables = list[tuple[str, str, list[Target]]]  # name, type
+
 
 def _region(kind: str, name: str, start: int = 0) -> tuple[int, int]:
     return start + contract.offset(kind, name), contract.size(kind, name)
@@ -86,22 +100,6 @@ def digest_of_variables(driver: Any) -> bytes | None:
         return None
     found = _variable().bytes_of_list(contract.address_at(driver.as_pointer() + _variables()))
     return hashlib.blake2b(found, digest_size=16).digest()
-
-
-_CHOICES = "transform_type", "transform_space", "rotation_mode"
-_OF_TWO = "LOC_DIFF", "ROTATION_DIFF"
-_get = attrgetter("id", "data_path", "bone_target", *_CHOICES)
-_OF_TARGET = (
-    ("*id", "P"),
-    ("*rna_path", "s"),
-    ("pchan_name", "s"),
-    ("transChan", "h"),
-    ("flag", "h"),
-    ("rotation_mode", "b"),
-)
-
-Target = tuple[bpy.types.ID | None, str, str, str, str, str]  # as above
-Variables = list[tuple[str, str, list[Target]]]  # name, type
 
 
 @contract.kept

@@ -21,6 +21,13 @@ _announced: Counter[int] = Counter()
 _counting = threading.Lock()  # held while that changes: a render evaluates in its own thread
 _is_playing = False
 _has_been_set = False  # the flags of any object
+_MOST_WORDS_OF_RUNTIME = 5  # in which the address of the graph is searched
+_MOST_WORDS_OF_GRAPH = 90  # in which its scene is searched; its struct is longer
+_MODES = ["VIEWPORT", "RENDER"]  # by their numbers
+# The byte offset in a data-block of what leads to its graph, whether that is a pointer, the offset from there, and the
+# offset of the mode in the graph. None: not known.
+_place: tuple[int, bool, int, int] | None = None
+_given_up: list[str] = []  # the mode of the graph in which it was not found
 
 
 def is_running(ob: Any) -> bool:
@@ -118,14 +125,6 @@ def ends_in_handlers() -> bool:
     return sum(_announced.values()) > 0 or _is_playing
 
 
-_MOST_WORDS_OF_RUNTIME = 5  # in which the address of the graph is searched
-_MOST_WORDS_OF_GRAPH = 90  # in which its scene is searched; its struct is longer
-_MODES = ["VIEWPORT", "RENDER"]  # by their numbers
-# The byte offset in a data-block of what leads to its graph, whether that is a pointer, the offset from there, and the
-# offset of the mode in the graph. None: not known.
-_place: tuple[int, bool, int, int] | None = None
-
-
 def is_render(block: Any) -> bool | None:
     """Whether an evaluated data-block belongs to a graph for renders. None: not known."""
     if _place is None or contract.is_broken():
@@ -158,9 +157,6 @@ def learn_mode(graph: Any) -> bool:
         _given_up.append(graph.mode)  # as before 4.0, where no data-block leads to its graph
     _place = found
     return found is not None
-
-
-_given_up: list[str] = []  # the mode of the graph in which it was not found
 
 
 def _find(graph: Any) -> tuple[int, bool, int, int] | None:

@@ -9,6 +9,11 @@ import numpy as np
 from ..native import sinew_native
 from . import contract, features, proof
 
+_MEMBERS = ("vec", "ipo", "easing", "back", "amplitude", "period")  # all that values between keyframes depend on
+_OF_CURVE = ("*bezt", "totvert", "*rna_path", "modifiers", "*fpt", "extend", "array_index", "flag")
+_IGNORED = 0b1111  # bits of a curve's flag: visible, selected, active, protected
+_ROUNDED = 1 << 11  # a bit of a curve's flag
+
 
 class Played(NamedTuple):
     """An action that animates a data-block."""
@@ -48,11 +53,6 @@ def _all_strips(strips: Iterable[Any]) -> Iterator[Any]:
         yield from _all_strips(strip.strips)
 
 
-_MEMBERS = ("vec", "ipo", "easing", "back", "amplitude", "period")  # all that values between keyframes depend on
-_OF_CURVE = ("*bezt", "totvert", "*rna_path", "modifiers", "*fpt", "extend", "array_index", "flag")
-_IGNORED = 0b1111  # bits of a curve's flag: visible, selected, active, protected
-
-
 @contract.kept
 def _layout() -> Any:
     """Returns the layout of F-curves, a sinew_native.host.CurveLayout."""
@@ -64,9 +64,6 @@ def _layout() -> Any:
         vectors + 12,
         [(contract.offset("BezTriple", name), contract.size("BezTriple", name)) for name in _MEMBERS],
     )
-
-
-_ROUNDED = 1 << 11  # a bit of a curve's flag
 
 
 def is_rounded(curve: Any) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from . import contract, features, proof
 
 _BYTES = 4  # of a number
+_SMOOTH = "CorrectiveSmoothModifierData"
 
 
 def read_connections(items: Any, member: str, width: int = 1) -> np.ndarray:
@@ -72,9 +73,6 @@ def attribute_vectors(attribute: Any, count: int) -> np.ndarray | None:
             return None
         proof.give("attributes")
     return found
-
-
-_SMOOTH = "CorrectiveSmoothModifierData"
 
 
 def bound_count(modifier: Any) -> int:

@@ -19,6 +19,10 @@ _VIEWPORT, _RENDER = 1, 2  # bits of a modifier's mode
 SWITCHES = _VIEWPORT | _RENDER
 _ASIDE = 1 << 31  # a bit of a modifier's mode: Blender does not evaluate it, whatever its switches are
 _MUTED = 1 << 4  # a bit of an F-curve's flag
+_WEIGHTS = "edge_weight_name", "vertex_weight_name"  # attributes
+# What every modifier has, such as its name and switches; what Blender writes when it evaluates one; and the names of
+# vertex groups and attributes, all of which the API shows.
+_WITHOUT = "modifier", "face_count", "defgrp_name", "shell_defgrp_name", "rim_defgrp_name", "vgroup", *_WEIGHTS
 
 
 def mute_driver(curve: Any) -> None:
@@ -55,7 +59,7 @@ def switch_modifier(modifier: Any, viewport: bool, render: bool) -> None:
 
 def aside_switch(modifier: Any) -> tuple[int, int, int]:
     """Returns what to change to keep Blender from evaluating a modifier of an evaluated object, as mode_switch."""
-    return contract.region(modifier, "ModifierData", "mode")[0], 0, _signed(_ASIDE)
+    return contract.region(modifier, "ModifierData", "mode")[0], 0, ctypes.c_int32(_ASIDE).value
 
 
 def put_aside(modifier: Any, is_aside: bool) -> None:
@@ -94,11 +98,6 @@ def prove() -> None:
         pass  # contract.trouble() tells
 
 
-def _signed(bits: int) -> int:
-    """Returns a number of 32 bits as an int32."""
-    return ctypes.c_int32(bits).value
-
-
 def _write(
     what: str,
     number: ctypes.c_int16 | ctypes.c_int32,
@@ -125,12 +124,6 @@ def _write(
         raise contract.distrust(feature, f"the bits of {what} have another meaning")
     if all(old != new for old, new in zip(shown_before, wanted)):
         proof.give((what, wanted))
-
-
-_WEIGHTS = "edge_weight_name", "vertex_weight_name"  # attributes
-# What every modifier has, such as its name and switches; what Blender writes when it evaluates one; and the names of
-# vertex groups and attributes, all of which the API shows.
-_WITHOUT = "modifier", "face_count", "defgrp_name", "shell_defgrp_name", "rim_defgrp_name", "vgroup", *_WEIGHTS
 
 
 def can_copy() -> bool:

@@ -12,6 +12,38 @@ from . import contract, features, proof
 from .members import CHANNELS, SIZES
 
 NO_LAYOUT = (0,) * 6  # in place of pose_layout, without any armature
+_BONE = "bPoseChannel"
+_FLOAT = 4  # bytes
+# In each bone: its channels, where it is, and what it does to vertices. Blender writes these into originals too.
+_MEMBERS = ("chan_mat", "pose_mat", "pose_head", "pose_tail", *CHANNELS)
+_COMPUTED = {"chan_mat": "channel_matrix", "pose_mat": "pose_matrix", "pose_head": "head", "pose_tail": "tail"}
+# What Blender's API calls those that keyframes and drivers can set, and how many numbers come before them.
+NAMES = {
+    "loc": ("location", 0),
+    "eul": ("rotation_euler", 0),
+    "quat": ("rotation_quaternion", 0),
+    "rotAngle": ("rotation_axis_angle", 0),
+    "rotAxis": ("rotation_axis_angle", 1),
+    "size": ("scale", 0),
+    "roll1": ("bbone_rollin", 0),
+    "roll2": ("bbone_rollout", 0),
+    "curveInX": ("bbone_curveinx", 0),
+    "curveInY": ("bbone_curveinz", 0),
+    "curveOutX": ("bbone_curveoutx", 0),
+    "curveOutY": ("bbone_curveoutz", 0),
+    "ease1": ("bbone_easein", 0),
+    "ease2": ("bbone_easeout", 0),
+    "scale_in": ("bbone_scalein", 0),
+    "scale_out": ("bbone_scaleout", 0),
+}
+RECORDED = tuple(dict.fromkeys(name for name, _skipped in NAMES.values()))
+# For each segment of a B-bone, how many more there are, and whether equal poses have equal ones. Blender leaves a part
+# of a dual quaternion undefined if there is no scale.
+_SEGMENTS = (
+    ("*bbone_pose_mats", "Mat4", 1, True),
+    ("*bbone_deform_mats", "Mat4", 2, True),
+    ("*bbone_dual_quats", "DualQuat", 1, False),
+)
 
 
 @contract.kept
@@ -106,40 +138,6 @@ def _motions_of_segments(pose_bone: Any) -> np.ndarray:
     )
     turned = rest @ posed @ np.linalg.pinv(at_rest) @ np.linalg.pinv(rest)
     return _motion_of(pose_bone) @ turned
-
-
-_BONE = "bPoseChannel"
-_FLOAT = 4  # bytes
-# In each bone: its channels, where it is, and what it does to vertices. Blender writes these into originals too.
-_MEMBERS = ("chan_mat", "pose_mat", "pose_head", "pose_tail", *CHANNELS)
-_COMPUTED = {"chan_mat": "channel_matrix", "pose_mat": "pose_matrix", "pose_head": "head", "pose_tail": "tail"}
-# What Blender's API calls those that keyframes and drivers can set, and how many numbers come before them.
-NAMES = {
-    "loc": ("location", 0),
-    "eul": ("rotation_euler", 0),
-    "quat": ("rotation_quaternion", 0),
-    "rotAngle": ("rotation_axis_angle", 0),
-    "rotAxis": ("rotation_axis_angle", 1),
-    "size": ("scale", 0),
-    "roll1": ("bbone_rollin", 0),
-    "roll2": ("bbone_rollout", 0),
-    "curveInX": ("bbone_curveinx", 0),
-    "curveInY": ("bbone_curveinz", 0),
-    "curveOutX": ("bbone_curveoutx", 0),
-    "curveOutY": ("bbone_curveoutz", 0),
-    "ease1": ("bbone_easein", 0),
-    "ease2": ("bbone_easeout", 0),
-    "scale_in": ("bbone_scalein", 0),
-    "scale_out": ("bbone_scaleout", 0),
-}
-RECORDED = tuple(dict.fromkeys(name for name, _skipped in NAMES.values()))
-# For each segment of a B-bone, how many more there are, and whether equal poses have equal ones. Blender leaves a part
-# of a dual quaternion undefined if there is no scale.
-_SEGMENTS = (
-    ("*bbone_pose_mats", "Mat4", 1, True),
-    ("*bbone_deform_mats", "Mat4", 2, True),
-    ("*bbone_dual_quats", "DualQuat", 1, False),
-)
 
 
 @contract.kept

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from ..blender import animation, spoken_paths
 from ..host import driver_memory, keyframes, marks
-from . import driver_variables, drivers, wiring
+from . import driven, drivers, wiring
 
 _NAME = r'\["(?:[^"\\]|\\.)*"\]'
 # By kind of data-block, in which a mark has the same name: properties that are read on each frame, or that make no
@@ -150,7 +150,7 @@ def _given_to(driver: Any) -> str:
     names = [variable.name for variable in driver.variables]
     if re.search(r"\bdepsgraph\b", driver.expression) and "depsgraph" not in names:
         return "all evaluated data (depsgraph)"
-    return next((f"data ({each.name})" for each in driver.variables if driver_variables.is_data(each)), "")
+    return next((f"data ({each.name})" for each in driver.variables if driven.is_data_variable(each)), "")
 
 
 # --- in evaluated copies --------------------------------------------------------------------------

@@ -90,7 +90,9 @@ def _read(
         tail=around.tail,
         is_followed=around.is_followed,
         generated_in=around.generated_in,
-        deforming_parent=_deforming_parent(original),
+        deforming_parent=(
+            "" if original.parent is None or original.parent_type in PLACING_PARENTS else original.parent.name
+        ),
         moves_against_armature=moves_against_armature,
         weights_follow_shape=asks_for_shape and weights_follow_shape(original, names),
         wants_more=wants_more(original.sinew),
@@ -335,11 +337,6 @@ def _keys(ob: bpy.types.Object, keys: bpy.types.Key | None) -> Keys | None:
     if keys is None:
         return None
     return Keys(values.key_of(keys), len(keys.key_blocks), keys.use_relative, ob.show_only_shape_key)
-
-
-def _deforming_parent(ob: bpy.types.Object) -> str:
-    """Returns the name of the parent if it deforms the mesh directly, before any modifier, or ""."""
-    return "" if ob.parent is None or ob.parent_type in PLACING_PARENTS else ob.parent.name
 
 
 def weights_follow_shape(ob: bpy.types.Object, taken: Iterable[str]) -> bool:

@@ -57,7 +57,7 @@ class ImportOptions(FileOptions):
     """How a rig folder is imported."""
 
     up_axis: str = option("Y", "Up", "The axis of the files that points up", items=_Y_OR_Z)
-    scale: float = option(1.0, "Scale", "Size of the imported rig", least=1e-6, soft=1000)
+    scale: float = option(1.0, "Scale", "Size of the imported rig", limits=(1e-6, None, 1000))
     source: str = option("CLIP", "Pose", "Where the pose comes from", items=choices.SOURCES)
     method: str = option("LINEAR", "Method", "How the joints' motions are blended", items=choices.METHODS)
     output: str = option(
@@ -72,8 +72,7 @@ class ImportOptions(FileOptions):
         0.0,
         "Frame Rate",
         "Poses per second in the file, played at the scene's frame rate; 0: one pose per frame",
-        least=0.0,
-        soft=240.0,
+        limits=(0.0, None, 240.0),
         help="poses per second in the file, played at the scene's frame rate (default: one pose per frame)",
     )
     set_frame_range: bool = option(

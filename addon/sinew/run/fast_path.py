@@ -14,7 +14,7 @@ from ..chain import bone_editions, layers, living
 from ..host import contract, features, modifier_memory, places, poses, watched_tree
 from ..native import sinew_native
 from ..plan import wiring
-from . import standing_aside, switching
+from . import switching
 
 LEAST_PATIENCE, MOST_PATIENCE = 2, 16
 
@@ -23,7 +23,7 @@ class FastPath:
     """The fast path of one evaluated object, if there is one."""
 
     def __init__(self, copy: Any) -> None:
-        """copy: graph_copy.GraphCopy."""
+        """copy: graph_copies.GraphCopy."""
         self._copy = copy
         self.shortcut: Shortcut | None = None
         self._patience = LEAST_PATIENCE  # how many equal frames in a row there must be before there is one
@@ -135,7 +135,7 @@ class Shortcut:
         if (
             contract.is_broken()
             or not self._copy.has_current_plan
-            or standing_aside.is_on()
+            or switching.stands_aside()
             or not self._native.holds()
         ):
             return False

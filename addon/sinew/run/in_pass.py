@@ -19,7 +19,7 @@ from ..native import sinew_native
 from ..plan import survey, ways, wiring
 from . import afterwards, characters, errors, graph_copies, switching
 from .character import Character
-from .graph_copy import GraphCopy
+from .graph_copies import GraphCopy
 
 
 class Frame(NamedTuple):

@@ -7,7 +7,24 @@ from ..chain.leaving import LeaveToBlender
 from ..host import evaluations, modifier_memory
 from ..plan import plans, ways
 
+_is_on = False
 OFF = (False, False)
+
+
+def stands_aside() -> bool:
+    return _is_on
+
+
+class StandAside:
+    """Has Blender's own modifiers deform all meshes in evaluations inside the `with` block."""
+
+    def __enter__(self) -> None:
+        global _is_on
+        _is_on = True
+
+    def __exit__(self, *_: object) -> None:
+        global _is_on
+        _is_on = False
 
 
 def shown(ob: Any, plan: plans.Plan) -> tuple[str, ...]:

@@ -13,27 +13,19 @@ class FoundOptions:
         20,
         "Number of Bones",
         "The largest number of bones to find; fewer, if fewer play the deformation exactly",
-        least=1,
-        soft=200,
-        most=2048,
+        limits=(1, 2048, 200),
     )
     max_influences: int = option(
-        4,
-        "Most Bones per Vertex",
-        "The most bones per vertex. Game engines often allow 4 or 8",
-        least=1,
-        soft=8,
-        most=64,
+        4, "Most Bones per Vertex", "The most bones per vertex. Game engines often allow 4 or 8", limits=(1, 64, 8)
     )
     iterations: int = option(
-        30, "Iterations", "At most so often weights and motions are found in turns", least=1, soft=200, most=10000
+        30, "Iterations", "At most so often weights and motions are found in turns", limits=(1, 10000, 200)
     )
     tolerance: float = option(
         1e-3,
         "Tolerance",
         "Stop when three iterations lower the error by less than this share of it; 0: do all iterations",
-        least=0.0,
-        most=1.0,
+        limits=(0.0, 1.0),
         more={"precision": 4},
     )
 
@@ -95,8 +87,7 @@ class ExactOptions:
         "Key Error",
         "Leave out keyframes for which straight lines do, as long as no bone is further off than this on any frame; 0: "
         "a keyframe on each frame",
-        least=0.0,
-        soft=0.1,
+        limits=(0.0, None, 0.1),
         value="LENGTH",
         help="leave out keyframes for which lines do, as long as no bone is further off than this on any frame",
         more={"precision": 4, "subtype": "DISTANCE"},

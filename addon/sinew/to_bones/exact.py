@@ -15,7 +15,7 @@ from ..blender.selection import select
 from ..feedback import long_work
 from ..install import bind
 from ..plan import bindable
-from ..rig_files import rig_import, skin_export
+from ..rig_files import rig_export, rig_import
 from . import conversion, game_skeleton, reduction, rig_actions, writing
 from . import joints as joint_motions
 from .exact_report import Baked, ExactReport
@@ -296,7 +296,7 @@ def _copy_meshes(context, rig, skeleton, armature, meshes, settings, created):
 
 
 def _copy_mesh(context, rig, skeleton, armature, ob, settings, created):
-    skin = skin_export.skin_of(context, ob, rig) if settings.has_segments else None
+    skin = rig_export.skin_of(context, ob, rig) if settings.has_segments else None
     copy = ob.copy()
     created.append(copy)
     copy.data = ob.data.copy()

@@ -35,7 +35,9 @@ class Reports:
 
 
 class Explains(Reports):
-    """A mixin of operators. Each defines `why_not` in place of `poll`."""
+    """A mixin of operators. Each defines `why_not` in place of `poll`, or tells the modes in which it is available."""
+
+    modes: tuple[str, ...] = ()  # of MODES
 
     @classmethod
     def poll(cls: Any, context: bpy.types.Context) -> bool:
@@ -47,7 +49,7 @@ class Explains(Reports):
     @classmethod
     def why_not(cls, context: bpy.types.Context) -> str:
         """Returns what to do before the operator is available, in one line; "" if it is."""
-        raise NotImplementedError
+        return other_mode(context, *cls.modes)
 
 
 def other_mode(context: bpy.types.Context, *modes: str) -> str:

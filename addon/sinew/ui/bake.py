@@ -9,9 +9,8 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ..bake import baking, mesh_cache
 from ..bake import job as jobs
 from . import available
-from .in_steps import InSteps
+from .in_steps import InSteps, OverFrames
 from .operators import selected_meshes
-from .over_frames import OverFrames
 
 FORMATS = (
     ("pc2", "PC2", "A point cache, little-endian"),
@@ -20,7 +19,7 @@ FORMATS = (
 )
 
 
-class BakeSettings(OverFrames):
+class BakeSettings(available.Explains, OverFrames):
     """The properties that Bake and BakeFrames, which does the work, share."""
 
     directory: StringProperty(
@@ -39,6 +38,11 @@ class BakeSettings(OverFrames):
         description="Play the baked files with a Mesh Cache modifier, and switch off the modifiers that it replaces",
     )
 
+    @classmethod
+    def why_not(cls, context):
+        why = available.other_mode(context, *available.MODES) or available.playing(context)
+        return why or ("" if selected_meshes(context) else "Select meshes")
+
     def job(self: Any, context: bpy.types.Context) -> jobs.Job:
         folder = bpy.path.abspath(self.directory)
         if not folder or folder.startswith("//"):
@@ -55,13 +59,7 @@ class BakeSettings(OverFrames):
         )
 
 
-def not_now(context: bpy.types.Context) -> str:
-    """Returns what to do before anything can be baked; "" if it can."""
-    why = available.other_mode(context, *available.MODES) or available.playing(context)
-    return why or ("" if selected_meshes(context) else "Select meshes")
-
-
-class Bake(available.Explains, BakeSettings, bpy.types.Operator):
+class Bake(BakeSettings, bpy.types.Operator):
     """Write the shape of the selected meshes on each frame to files that Blender's Mesh Cache modifier and
     other programs can play. The .blend does not change, except that unkeyed changes return to their keyframes, as
     they do whenever the scene plays. Press Esc to stop; the next bake continues from there"""
@@ -71,10 +69,6 @@ class Bake(available.Explains, BakeSettings, bpy.types.Operator):
     bl_options = {"PRESET"}
 
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
-
-    @classmethod
-    def why_not(cls, context):
-        return not_now(context)
 
     def invoke(self, context, _event):
         if not self.directory and bpy.data.filepath:
@@ -87,7 +81,7 @@ class Bake(available.Explains, BakeSettings, bpy.types.Operator):
         return self.start(bpy.ops.object.sinew_bake_frames)
 
 
-class BakeFrames(available.Explains, BakeSettings, InSteps, bpy.types.Operator):
+class BakeFrames(BakeSettings, InSteps, bpy.types.Operator):
     """Bake the selected meshes, frame by frame"""
 
     bl_idname = "object.sinew_bake_frames"
@@ -95,10 +89,6 @@ class BakeFrames(available.Explains, BakeSettings, InSteps, bpy.types.Operator):
     bl_options = {"UNDO", "INTERNAL"}
     stopped = "Stopped: the frames that were baked are kept; bake again to continue from there"
     seconds_in_a_row = 0.1
-
-    @classmethod
-    def why_not(cls, context):
-        return not_now(context)
 
     def run(self, context):
         return self.finish(context, baking.run(context, self.job(context)))

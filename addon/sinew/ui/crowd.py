@@ -4,7 +4,7 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from ..blender import selection
-from ..crowd import making, source
+from ..crowd import making
 from ..feedback import progress
 from . import available
 
@@ -17,6 +17,7 @@ class AddCrowd(available.Explains, bpy.types.Operator):
     bl_idname = "object.sinew_crowd_add"
     bl_label = "Sinew Crowd"
     bl_options = {"REGISTER", "UNDO"}
+    modes = ("OBJECT",)
 
     filepath: StringProperty(
         name="Rig",
@@ -40,10 +41,6 @@ class AddCrowd(available.Explains, bpy.types.Operator):
     )
     seed: IntProperty(name="Seed", description="A different number gives a different crowd")
 
-    @classmethod
-    def why_not(cls, context):
-        return available.other_mode(context, "OBJECT")
-
     def draw(self, _context):
         self.layout.use_property_split = True
         names = ["agents", "lanes", "shapes", "seed"]
@@ -61,9 +58,9 @@ class AddCrowd(available.Explains, bpy.types.Operator):
         selection.select(context, ob, (ob,))
         self.report({"INFO"}, f"{self.agents:,} agents, {made.count} shapes of {made.frames:g} frames")
 
-    def source(self, context: bpy.types.Context) -> source.Source:
+    def source(self, context: bpy.types.Context) -> making.Source:
         if self.filepath:
-            return source.Source(filepath=self.filepath, pose=self.pose, count=self.shapes)
+            return making.Source(filepath=self.filepath, pose=self.pose, count=self.shapes)
         candidates = [context.active_object, *context.selected_objects]
         found = next((ob for ob in candidates if ob is not None and ob.type in {"MESH", "ARMATURE"}), None)
         if found is None:
@@ -72,7 +69,7 @@ class AddCrowd(available.Explains, bpy.types.Operator):
             float(getattr(self, name)) if self.properties.is_property_set(name) else None
             for name in ("frame_start", "frame_end")
         )
-        return source.Source(character=found.name, count=self.shapes, first=first, last=last)
+        return making.Source(character=found.name, count=self.shapes, first=first, last=last)
 
 
 class RenewCrowd(available.Explains, bpy.types.Operator):
@@ -90,7 +87,7 @@ class RenewCrowd(available.Explains, bpy.types.Operator):
 
     def run(self, context):
         ob = context.active_object
-        origin = source.kept(ob)
+        origin = making.kept(ob)
         if origin is None:
             raise ValueError(f"{ob.name} does not know what it was made from: add another crowd")
         with progress.shown(context) as shown:

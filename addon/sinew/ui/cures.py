@@ -1,13 +1,12 @@
 """Operators that fix what the panel warns about."""
 
-from contextlib import contextmanager
 from typing import Any
 
 import bpy
 import numpy as np
 from mathutils.kdtree import KDTree
 
-from ..blender import armatures, meshes
+from ..blender import armatures, meshes, temporary
 from ..install import bind, mending
 from ..plan import survey
 from ..run import characters
@@ -46,21 +45,13 @@ def bone_weights(ob: bpy.types.Object) -> list[dict[int, float]]:
     ]
 
 
-@contextmanager
 def _at_rest(ob):
     """Shows the object in its rest shape inside the `with` block: armatures in rest position, only the Basis shown."""
     used = {armature.data for armature in armatures.of_modifiers(ob)}
-    settings = [(data, "pose_position", "REST") for data in used if data.library is None]
+    settings: list[tuple[Any, str, Any]] = [(data, "pose_position", "REST") for data in used if data.library is None]
     if ob.data.shape_keys is not None:
         settings += [(ob, "show_only_shape_key", True), (ob, "active_shape_key_index", 0)]
-    before = [getattr(owner, name) for owner, name, _value in settings]
-    for owner, name, value in settings:
-        setattr(owner, name, value)
-    try:
-        yield
-    finally:
-        for (owner, name, _value), value in zip(settings, before):
-            setattr(owner, name, value)
+    return temporary.changed(settings)
 
 
 class _Cure(available.Explains):

@@ -5,7 +5,7 @@ import bpy
 from ..feedback import notice
 from ..host import evaluations
 from ..main import addon_preferences, callbacks
-from ..onion import ghost_drawing, ghosts, onion_settings, path_drawing
+from ..onion import ghost_drawing, ghosts, motion_paths, onion_settings
 from ..played import freezing, playing, rigs
 from . import available, played_rigs
 from .panels import InSidebar
@@ -91,12 +91,12 @@ register_classes, unregister_classes = bpy.utils.register_classes_factory(CLASSE
 def register() -> None:
     register_classes()
     ghost_drawing.start()
-    path_drawing.start()
+    motion_paths.start()
     callbacks.start(fill)
 
 
 def unregister() -> None:
     callbacks.stop(fill)
-    path_drawing.stop()
+    motion_paths.stop()
     ghost_drawing.stop()
     unregister_classes()

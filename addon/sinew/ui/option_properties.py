@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 from ..feedback import options
 
 _KINDS = {bool: BoolProperty, int: IntProperty, float: FloatProperty, str: StringProperty}
-_LIMITS = {"least": "min", "most": "max", "soft": "soft_max"}
+_LIMITS = "min", "max", "soft_max"
 
 
 def added(kind: Any) -> Callable[[Any], Any]:
@@ -44,7 +44,7 @@ def one(kind: Any, name: str, **more: Any) -> Any:
     texts: dict[str, Any] = {"name": option.label, "description": option.text, **option.more, **more}
     if option.items:
         return EnumProperty(items=option.items, default=default, **texts)
-    limits = {own: getattr(option, name) for name, own in _LIMITS.items() if getattr(option, name) is not None}
+    limits = {name: limit for name, limit in zip(_LIMITS, option.limits) if limit is not None}
     if _is_angle(option):
         default, limits = math.radians(default), {name: math.radians(limit) for name, limit in limits.items()}
     return _KINDS[type(default)](default=default, **texts, **limits)

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ..run import characters
-from . import bone_lines, method_settings, sections, weight_reduction, weights
+from . import display, method_settings, sections, weight_tools, weights
 
 
 class InSidebar:
@@ -111,8 +111,8 @@ class SidebarWeights(InSidebar, bpy.types.Panel):
 
     def draw(self, context):
         weights.draw(self.layout, context)
-        weight_reduction.draw_tools(self.layout)
-        bone_lines.draw(self.layout)
+        weight_tools.draw_tools(self.layout)
+        display.draw_bone_lines(self.layout)
 
 
 class SidebarBakeAndCrowd(InSidebar, bpy.types.Panel):

@@ -48,10 +48,9 @@ class MeasureProfile(available.Explains, InSteps, bpy.types.Operator):
             self.frame_end if self.properties.is_property_set("frame_end") else last,
         )
 
-    def finish(self, context: bpy.types.Context, profile: costs.Profile) -> None:
+    def finish(self, _context: bpy.types.Context, profile: costs.Profile) -> None:
         costs.last[:] = [profile]
-        for area in context.screen.areas if context.screen else ():
-            area.tag_redraw()
+        notice.redraw()
 
 
 class AccelerateOne(available.Explains, bpy.types.Operator):
@@ -60,12 +59,9 @@ class AccelerateOne(available.Explains, bpy.types.Operator):
     bl_idname = "object.sinew_accelerate_one"
     bl_label = "Accelerate"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+    modes = tuple(available.MODES)
 
     name: StringProperty(options={"SKIP_SAVE"})
-
-    @classmethod
-    def why_not(cls, context):
-        return available.other_mode(context, *available.MODES)
 
     def run(self, _context):
         ob = bpy.data.objects.get((self.name, None))

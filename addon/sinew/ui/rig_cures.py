@@ -1,4 +1,5 @@
-"""The buttons beside the sentence that says why a rig, or a mesh, is left to Blender."""
+"""What the panels say about the rig of a mesh: whether it is computed natively, or why it is not. Buttons beside the
+sentence that says why a rig, or a mesh, is left to Blender."""
 
 import json
 import re
@@ -14,6 +15,7 @@ from ..blender import animation, armatures, dependencies, selection
 from ..blender.spoken_paths import spoken
 from ..description import reading
 from ..feedback import notice
+from ..host import contract, features
 from ..played import changes, differences, rigs
 from ..run import characters
 from . import available
@@ -21,7 +23,7 @@ from . import available
 _NAMES_DRIVER = re.compile(r"\bdriver of\b|\bhas a driver\b|\bis driven\b", re.IGNORECASE)
 
 
-def draw(layout: bpy.types.UILayout, armature: Any, reason: str) -> None:
+def draw_buttons(layout: bpy.types.UILayout, armature: Any, reason: str) -> None:
     """Draws the buttons for what keeps an armature from being native. reason: the sentence, or ""."""
     rig, row = rigs.get(armature), layout.row(align=True)
     if rig is None:
@@ -212,3 +214,48 @@ class ReportRig(available.Reports, bpy.types.Operator, ExportHelper):
 
 CLASSES = (SelectBone, ShowDriver, AccelerateAgain, ReportRig)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)
+
+
+def draw_rig(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) -> None:
+    """Draws the switch, and how it is with one armature."""
+    if not reading.CAN_READ:
+        return
+    column = layout.column(align=True)
+    column.prop(armature, "sinew_accelerates_rig")
+    text, reason = "Rig: Blender's, since the scene's Accelerate Rigs is off", ""
+    if context.scene.sinew_accelerates_rigs:
+        text, reason = text_of(armature)
+    if rigs.get(armature) is not None:  # always two lines, so that nothing moves below while somebody poses
+        first, second = (text.splitlines() + ["", ""])[:2]
+        column.label(text=first, icon="ARMATURE_DATA" if first else "BLANK1")
+        column.label(text=second, icon="BLANK1")
+    if reason:
+        notice.draw_sentence(column, context, reason, False)
+    draw_buttons(column, armature, reason)
+
+
+def text_of(armature: Any) -> tuple[str, str]:
+    """Returns how it is with an armature, one or two lines, and why Blender evaluates it, a sentence; "" for nothing to
+    say."""
+    if not contract.has(features.FREEZING):
+        return "", contract.why_not(features.FREEZING)
+    rig = rigs.get(armature)
+    if rig is None:
+        return "", ""
+    if rig.is_frozen and rig.source.is_proven:
+        own, blender = rig.source.milliseconds, rig.source.blender_milliseconds
+        if not own or not blender:
+            return "Rig: native", ""
+        gain = f", {blender / own:.1f} times faster" if blender > own else ""
+        return f"Rig: native{gain}\n{own:.2f} ms (Blender {blender:.2f})", ""
+    if rig.is_idle:
+        return "Rig: native" if rig.is_posable else "Rig: recorded", ""
+    if rig.stays_live:
+        return "Rig: Blender's", ""
+    return ("Rig: Blender's", rig.reason) if rig.needs_program and rig.reason else ("", "")
+
+
+def compared(armature: Any) -> int:
+    """Returns on how many frames the rig of an armature was compared with Blender, if it is native."""
+    rig = rigs.get(armature) if armature is not None else None
+    return len(rig.source.compared) if rig is not None and rig.source.is_proven else 0

@@ -12,9 +12,8 @@ from ..to_bones.bone_names import read_names
 from ..to_bones.exact_report import ExactReport
 from ..to_bones.report import Report
 from . import available, option_properties
-from .in_steps import InSteps
+from .in_steps import InSteps, OverFrames
 from .operators import selected_meshes
-from .over_frames import OverFrames
 
 SOURCES = (
     ("NEW", "New Bones", "Find bones that play the deformation best"),
@@ -31,7 +30,7 @@ EXACT_OPTIONS = ("root", "root_motion", "is_flat", "has_segments", "roots_alone_
 
 @option_properties.added(ExactOptions)
 @option_properties.added(FoundOptions)
-class ToBonesSettings(OverFrames):
+class ToBonesSettings(available.Explains, OverFrames):
     """The properties that BakeToBones and BakeToBonesSteps, which does the work, share."""
 
     source: EnumProperty(name="Bones", description="Which bones the new armature has", items=SOURCES)
@@ -40,6 +39,14 @@ class ToBonesSettings(OverFrames):
         description="Bake each action that moves the rig's bones, on its own frames; otherwise the scene as it plays",
         default=True,
     )
+
+    @classmethod
+    def why_not(cls, context):
+        active = context.view_layer.objects.active
+        is_armature = active is not None and active.type == "ARMATURE" and active.select_get()
+        has_any = is_armature or selected_meshes(context)
+        why = available.other_mode(context, "OBJECT") or available.playing(context)
+        return why or ("" if has_any else "Select meshes, or an armature")
 
     def exact_job(self: Any, context: bpy.types.Context) -> exact.ExactSettings:
         return exact.ExactSettings(
@@ -64,16 +71,7 @@ class ToBonesSettings(OverFrames):
         return conversion.Settings(self.frames(context.scene), **vars(found))
 
 
-def not_now(context: bpy.types.Context) -> str:
-    """Returns what to do before anything can be baked to bones; "" if it can."""
-    active = context.view_layer.objects.active
-    is_armature = active is not None and active.type == "ARMATURE" and active.select_get()
-    has_any = is_armature or selected_meshes(context)
-    why = available.other_mode(context, "OBJECT") or available.playing(context)
-    return why or ("" if has_any else "Select meshes, or an armature")
-
-
-class BakeToBones(available.Explains, ToBonesSettings, bpy.types.Operator):
+class BakeToBones(ToBonesSettings, bpy.types.Operator):
     """Make an armature with keyframes, and copies of the selected meshes with weights, which play what the meshes do on
     each frame, whatever deforms them, or what a rig does in all its actions: for game engines and other programs. All
     selected meshes get one armature. Esc stops it, and nothing has changed"""
@@ -81,10 +79,6 @@ class BakeToBones(available.Explains, ToBonesSettings, bpy.types.Operator):
     bl_idname = "object.sinew_bake_to_bones"
     bl_label = "Bake to Bones"
     bl_options = {"PRESET"}
-
-    @classmethod
-    def why_not(cls, context):
-        return not_now(context)
 
     def invoke(self, context, _event):
         self.set_frames(context.scene)
@@ -125,7 +119,7 @@ class BakeToBones(available.Explains, ToBonesSettings, bpy.types.Operator):
         return self.start(bpy.ops.object.sinew_bake_to_bones_steps)
 
 
-class BakeToBonesSteps(available.Explains, ToBonesSettings, InSteps, bpy.types.Operator):
+class BakeToBonesSteps(ToBonesSettings, InSteps, bpy.types.Operator):
     """Bake the selected meshes to bones, without a dialog"""
 
     bl_idname = "object.sinew_bake_to_bones_steps"
@@ -133,10 +127,6 @@ class BakeToBonesSteps(available.Explains, ToBonesSettings, InSteps, bpy.types.O
     bl_options = {"UNDO", "INTERNAL"}
     stopped = "Stopped: nothing was made"
     seconds_in_a_row = 0.1
-
-    @classmethod
-    def why_not(cls, context):
-        return not_now(context)
 
     def run(self, context):
         return self.finish(context, self.work(context, is_in_steps=False))

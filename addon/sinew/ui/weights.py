@@ -15,7 +15,7 @@ from ..plan import bindable
 from ..weights import assigning, checking, checks, parenting, reports
 from ..weights.weight_settings import AutomaticSettings, CheckSettings
 from . import available, option_properties
-from .in_background import InBackground
+from .in_steps import InBackground
 
 SELECT = "RESTRICT_SELECT_OFF"  # an icon
 
@@ -64,9 +64,7 @@ class ParentWithWeights(MakesWeights, bpy.types.Operator):
         objects = [ob for ob in context.selected_objects if ob.type == "MESH"]
         assigning.refuse(objects, armature)
         for ob in objects:
-            why = parenting.why_not(ob, armature)
-            if why:
-                raise ValueError(f"{ob.name} {why}")
+            parenting.refuse(ob, armature)
         context.view_layer.update()
         return assigning.Assignment(
             objects, armature, option_properties.read(self, AutomaticSettings), chosen_rigid=self.chosen_rigid(objects)
@@ -87,10 +85,7 @@ class AssignFromBones(MakesWeights, bpy.types.Operator):
 
     bl_idname = "object.sinew_assign_from_bones"
     bl_label = "Assign from Bones (Sinew)"
-
-    @classmethod
-    def why_not(cls, context):
-        return available.other_mode(context, "PAINT_WEIGHT")
+    modes = ("PAINT_WEIGHT",)
 
     def assignment(self, context):
         ob = context.active_object

@@ -10,7 +10,7 @@ import numpy as np
 from ..blender import armatures
 from ..deform import influences
 from ..native import sinew_native
-from . import bone_segments, reports, rigid, solid, table
+from . import bone_segments, reports, solid, table
 from .bone_segments import RestBones
 from .entries import Entries, stacked
 from .weight_settings import AutomaticSettings
@@ -134,12 +134,12 @@ class Assignment:
         marked = np.zeros(len(self._solid.positions), bool)
         for number, (ob, before) in enumerate(zip(self.objects, self._before)):
             if self._settings.rigid_group not in self._deforming:
-                marked[self._range(number)] |= rigid.members(ob, before, self._settings.rigid_group)
+                marked[self._range(number)] |= solid.rigid_members(ob, before, self._settings.rigid_group)
             if ob.name in chosen:
                 marked[self._range(number)] |= chosen[ob.name]
         if not marked.any():
             return None
-        return rigid.pieces(marked, self._solid.positions, self._solid.edges())
+        return solid.rigid_pieces(marked, self._solid.positions, self._solid.edges())
 
     def _fixed_weights(self) -> Any:
         """Returns a sinew_native.WeightTable, fixed vertices x (solved bones + 1): the weights that the fixed vertices

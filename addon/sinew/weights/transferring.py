@@ -100,9 +100,7 @@ class Transfer:
         self._refuse_other_bones(of_sources)
         self._add_modifier = add_modifier
         for ob in self._to_parent():
-            why = parenting.why_not(ob, self._armature_for(ob))
-            if why:
-                raise ValueError(f"{ob.name} {why}")
+            parenting.refuse(ob, self._armature_for(ob))
         self._from = solid.collect(self.sources)
         if not len(self._from.face_vertices):
             raise ValueError(f"{_names(self.sources)} has no faces: weights are copied from the points of faces")

@@ -32,19 +32,16 @@ class AutomaticSettings:
         8.0,
         "Stiffness",
         "How closely weights follow the nearest bone: small values are soft, large ones stiff",
-        least=0.1,
-        soft=50.0,
-        most=1e4,
+        limits=(0.1, 1e4, 50.0),
     )
     resolution: int = option(
-        128, "Resolution", "Voxels along the longest side, which measure distances inside the mesh", least=16, most=256
+        128, "Resolution", "Voxels along the longest side, which measure distances inside the mesh", limits=(16, 256)
     )
     max_influences: int = option(
         0,
         "Most Bones",
         "The largest number of bones per vertex, for game engines often 4; 0: no limit",
-        least=0,
-        soft=8,
+        limits=(0, None, 8),
         help="the largest number of bones per vertex; 0: no limit; with --check, what counts as too many, 0: 4",
     )
     rigid_size: float = option(
@@ -52,8 +49,7 @@ class AutomaticSettings:
         "Rigid Parts",
         "Loose parts that are smaller than this share of the mesh's size do not bend: buttons, buckles, teeth, eyes. "
         "0: all parts bend",
-        least=0.0,
-        most=1.0,
+        limits=(0.0, 1.0),
         more=_FACTOR | {"precision": 3},
     )
     rigid_follow: str = option(
@@ -80,13 +76,11 @@ class TransferSettings:
         0.05,
         "Distance",
         "How far the closest point may be for a vertex to be matched, as a share of the size of the target",
-        least=0.0001,
-        soft=0.5,
-        most=10.0,
+        limits=(0.0001, 10.0, 0.5),
         more={"precision": 3},
     )
     angle: float = option(
-        30.0, "Angle", "The largest angle between the surfaces there", least=0.0, most=180.0, more=_ANGLE
+        30.0, "Angle", "The largest angle between the surfaces there", limits=(0.0, 180.0), more=_ANGLE
     )
     flipped: bool = option(False, "Flipped Normals", "Also match surfaces that face the opposite way, such as linings")
 
@@ -96,17 +90,15 @@ class SmoothSettings:
     """How weights are smoothed, as in sinew_native.smooth_weights."""
 
     steps: int = option(
-        5, "Steps", "How many times each vertex goes towards the mean of its neighbors", least=1, soft=50, most=10000
+        5, "Steps", "How many times each vertex goes towards the mean of its neighbors", limits=(1, 10000, 50)
     )
-    factor: float = option(0.5, "Factor", "How far each step goes", least=0.0, most=1.0, more=_FACTOR)
+    factor: float = option(0.5, "Factor", "How far each step goes", limits=(0.0, 1.0), more=_FACTOR)
     strength: float = option(
         0.0,
         "Strength",
         "Above 0: smooth in one solve instead of steps. It reaches about so many edges as the square root of "
         "this number",
-        least=0.0,
-        soft=1000.0,
-        most=1e6,
+        limits=(0.0, 1e6, 1000.0),
     )
 
 
@@ -138,22 +130,20 @@ class ReduceSettings:
     """How weights are reduced."""
 
     max_influences: int = option(
-        4, "Most Bones", "The largest number of bones per vertex. Many game engines allow 4", least=1, soft=12, most=64
+        4, "Most Bones", "The largest number of bones per vertex. Many game engines allow 4", limits=(1, 64, 12)
     )
     rings: int = option(
         2,
         "Fade",
         "Over how many edges a bone fades out towards vertices that have lost it, so that no seam shows",
-        least=0,
-        soft=10,
-        most=64,
+        limits=(0, 64, 10),
         word="fade",
     )
     tolerance: float = option(  # in world space
         0.0,
         "Tolerance",
         "Select the vertices that move farther than this; 0: none",
-        least=0.0,
+        limits=(0.0,),
         help="in world space; exit code 1 if a vertex moves farther (default: none)",
         more={"subtype": "DISTANCE", "unit": "LENGTH", "precision": 4},
     )
@@ -164,14 +154,13 @@ class CheckSettings:
     """What counts as a problem."""
 
     most_influences: int = option(
-        checks.MOST_INFLUENCES, "Most Bones", "Find vertices with more bones than this", least=1, soft=16
+        checks.MOST_INFLUENCES, "Most Bones", "Find vertices with more bones than this", limits=(1, None, 16)
     )
     angle: float = option(
         pose_checks.ANGLE,
         "Test Poses",
         "The angle by which each bone is bent to see how far it stretches the mesh",
-        least=0.0,
-        most=180.0,
+        limits=(0.0, 180.0),
         help="with --check: by how much each bone is bent to see how far it stretches the mesh",
         more=_ANGLE,
     )
