@@ -142,7 +142,7 @@ def measure(vertices):
 
 def subdivided(vertices):
     """Yields (levels, vertices of the result, seconds with Blender's modifier, seconds with Sinew's)."""
-    shapes, frame_range = sinew("bake.shapes"), sinew("bake.frame_range")
+    shapes, frame_range = sinew("bake.evaluation"), sinew("bake.frame_range")
     for levels in (1, 2):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         bpy.ops.preferences.addon_enable(module=ADDON)

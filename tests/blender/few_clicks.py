@@ -53,7 +53,7 @@ def steps():
     yield from until(lambda: known.get(rig).source.milliseconds > 0)
     yield from outside(f"xdotool mousemove {screen(*middle_of(region(view)))}")
     yield from picture("few-clicks")
-    text = addon_module("ui.rig_line").text_of(rig)[0]
+    text = addon_module("ui.rig_cures").text_of(rig)[0]
     assert text.startswith("Rig: native, ") and "times faster" in text, text
     assert acts <= MOST_ACTS
     words = "one two three four five".split()[acts - 1]

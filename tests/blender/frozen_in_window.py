@@ -410,7 +410,7 @@ def motion_paths(armatures):
     for step in range(40):  # the rig is read again, or accelerated again
         yield 0.5
         with in_area("VIEW_3D"):
-            found = addon_module("onion.path_drawing").shown(bpy.context)
+            found = addon_module("onion.motion_paths").shown(bpy.context)
         if step > 4 and found:
             break
     paths = yield from seen("motion-paths")

@@ -127,9 +127,9 @@ def test_it_is_compared_with_blender_before_it_is_shown(cast):
     assert [[[*bone.location] for bone in each[0].pose.bones] for each in both(cast)] == before
     assert data_names() == names and cast.scene.frame_current == 4
     cast.assert_same()
-    text, _reason = addon_module("ui.rig_line").text_of(cast.rig.ob)
+    text, _reason = addon_module("ui.rig_cures").text_of(cast.rig.ob)
     assert "(Blender " in text
-    assert addon_module("ui.rig_line").compared(cast.rig.ob) == len(cast.rig.source.compared)
+    assert addon_module("ui.rig_cures").compared(cast.rig.ob) == len(cast.rig.source.compared)
     cast.play()
 
 
@@ -296,7 +296,7 @@ def test_a_difference_is_seen_on_another_frame(cast, monkeypatch, tmp_path):
         and "instead of" in cast.rig.reason
     )
     cast.play()
-    text, reason = addon_module("ui.rig_line").text_of(cast.rig.ob)
+    text, reason = addon_module("ui.rig_cures").text_of(cast.rig.ob)
     assert text == "Rig: Blender's" and reason == cast.rig.reason
     path = tmp_path / "report.json"
     bpy.ops.object.sinew_report_rig(filepath=str(path), armature=cast.rig.ob.name)
@@ -886,7 +886,7 @@ class Buttons:
 
 def buttons(cast):
     layout = Buttons()
-    addon_module("ui.rig_line").draw(layout, bpy.context, cast.frozen[0])
+    addon_module("ui.rig_cures").draw_rig(layout, bpy.context, cast.frozen[0])
     return set(layout.found)
 
 
@@ -900,7 +900,7 @@ def test_the_bone_that_keeps_a_rig_from_being_native_can_be_selected(cast):
     select(cast.frozen[1])
     assert bpy.ops.object.sinew_select_bone(armature=armature.name_full) == {"FINISHED"}
     assert bpy.context.mode == "POSE" and bpy.context.active_object == armature
-    assert addon_module("ui.weights").selected_bones(armature) == ["bone2"]
+    assert addon_module("blender.selection").selected_bones(armature) == ["bone2"]
     bpy.ops.object.mode_set(mode="OBJECT")
     armature.hide_set(True)
     with pytest.raises(RuntimeError, match="is hidden: show it first"):
@@ -942,7 +942,7 @@ def test_one_that_has_differed_twice_can_be_tried_again(cast, misread):
 
 
 def test_what_the_panel_says(cast):
-    text_of = addon_module("ui.rig_line").text_of
+    text_of = addon_module("ui.rig_cures").text_of
     assert text_of(cast.frozen[0]) == ("", "")
     move(cast, 2)
     wait(cast)
@@ -972,7 +972,7 @@ def test_the_panel_says_medians_over_the_same_frames(cast, monkeypatch):
     monkeypatch.setattr(comparing, "median", median)
     accelerate(cast)
     assert counts[0] > 1 and counts[0] == counts[1]
-    text = addon_module("ui.rig_line").text_of(cast.frozen[0])[0]
+    text = addon_module("ui.rig_cures").text_of(cast.frozen[0])[0]
     assert text == "Rig: native, 2.0 times faster\n1.00 ms (Blender 2.00)"
 
 
@@ -1036,7 +1036,7 @@ def test_each_rig_has_a_switch(cast):
     wait(cast)
     cast.play()
     assert not cast.rig.is_idle
-    assert addon_module("ui.rig_line").text_of(cast.frozen[0]) == ("Rig: Blender's", "")
+    assert addon_module("ui.rig_cures").text_of(cast.frozen[0]) == ("Rig: Blender's", "")
     cast.frozen[0].sinew_accelerates_rig = True
     accelerate(cast)
     cast.play()

@@ -671,7 +671,7 @@ def test_whatever_is_changed_in_a_driver_is_seen(fresh_scene):
 @needs_memory
 def test_whatever_is_changed_in_a_hook_is_seen(fresh_scene):
     """Its variables are only read again if their bytes differ."""
-    wiring, driver_bytes = addon_module("plan.wiring"), addon_module("host.driver_bytes")
+    wiring, driver_memory = addon_module("plan.wiring"), addon_module("host.driver_memory")
     armature = make_armature()
     driven, other = (bpy.data.objects.new(name, None) for name in ("Driven", "Other"))
     for each in (driven, other):
@@ -692,7 +692,7 @@ def test_whatever_is_changed_in_a_hook_is_seen(fresh_scene):
             variable = curve.driver.variables.new()
             variable.name, variable.type, target = name, kind, variable.targets[0]
             target.id, target.bone_target, target.data_path = block, bone, path
-        assert driver_bytes.read(driven.animation_data.drivers)
+        assert driver_memory.read_bytes(driven.animation_data.drivers)
         return curve
 
     def found_at(curve, *what):

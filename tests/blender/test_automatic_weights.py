@@ -67,7 +67,7 @@ def paint(ob, armature, *bones):
     """Weight Paint, with these bones selected."""
     select(armature)
     bpy.ops.object.mode_set(mode="POSE")
-    addon_module("ui.weights").select_bones(armature, bones)
+    addon_module("blender.selection").select_bones(armature, bones)
     select(ob, armature)
     bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
 
@@ -571,7 +571,7 @@ def test_assigning_is_refused_with_a_sentence():
     addon_module("blender.meshes").select_vertices(ob.data, np.zeros(1200, bool))
     with pytest.raises(RuntimeError, match="no vertex is selected: select those that should get weights"):
         bpy.ops.object.sinew_assign_from_bones()
-    addon_module("ui.weights").select_bones(armature, ())
+    addon_module("blender.selection").select_bones(armature, ())
     with pytest.raises(RuntimeError, match="no bone of Rig is selected: select the bones"):
         bpy.ops.object.sinew_assign_from_bones()
     ob.modifiers.clear()
@@ -630,14 +630,14 @@ def test_the_lines_are_shown_and_hidden():
     ob, armature = make_figure()
     armature_of(ob, armature).location = (0, 0, 1)
     bpy.context.view_layer.update()
-    bone_lines = addon_module("ui.bone_lines")
-    found = bone_lines.lines(armature, "TAIL").reshape(-1, 2, 3)
+    display = addon_module("ui.display")
+    found = display.lines(armature, "TAIL").reshape(-1, 2, 3)
     assert np.allclose(found[2], [(0, 0.1, 3), (0, 0.15, 4)], atol=1e-6) and len(found) == 6
     select(ob)
     states = []
     for ends in ("AUTOMATIC", "CHILD", "CHILD"):
         assert bpy.ops.object.sinew_show_bone_lines(ends=ends) == {"FINISHED"}
-        states.append(bone_lines.are_shown())
+        states.append(display.are_lines_shown())
     assert states == [True, True, False]
 
 
@@ -807,7 +807,7 @@ def test_buttons_select_what_the_report_names():
     assert [vertex.index for vertex in ob.data.vertices if vertex.select] == [3, 4]
     assert bpy.ops.object.sinew_select_reported_bones(which="UNUSED") == {"FINISHED"}
     assert (bpy.context.mode, bpy.context.active_object) == ("POSE", armature)
-    assert addon_module("ui.weights").selected_bones(armature) == ["side"]
+    assert addon_module("blender.selection").selected_bones(armature) == ["side"]
 
 
 def test_a_problem_becomes_the_mask_in_weight_paint():

@@ -55,7 +55,7 @@ ENDS = {
         True,
     ),
     "while something is first compared": (
-        "addon_module('host.proof').forget()\naddon_module('host.vector_arrays').proof.is_due = "
+        "addon_module('host.proof').forget()\naddon_module('host.mesh_arrays').proof.is_due = "
         "lambda *_: ctypes.string_at(0)",
         True,
     ),

@@ -264,8 +264,8 @@ def test_locked_groups_are_not_normalized(character):
 def test_files_of_the_importer_can_be_chosen_from_a_list():
     """Not those that are something else."""
     rig_files = addon_module("ui.rig_files")
-    of_weights = rig_files.files_beside(".dmat", "pose.dmat", "anim.dmat")["search"]
-    of_poses = rig_files.files_beside(".dmat", "weights.dmat", "anim.dmat")["search"]
+    of_weights = rig_files.files_beside(".dmat", "pose.dmat", "anim.dmat")
+    of_poses = rig_files.files_beside(".dmat", "weights.dmat", "anim.dmat")
     chosen = SimpleNamespace(directory="", filepath=str(RIGS["ogre"]), mesh="", weights="", pose="")
     nobody = SimpleNamespace(space_data=None)
     assert of_poses(chosen, nobody, "") == ["pose.dmat", "walk.dmat"]

@@ -118,7 +118,7 @@ def test_a_copy_of_a_modifier_has_what_the_api_does_not_show(fresh_scene, kind):
     modifier = own.modifiers.new("", kind)
     shown = modifiers.settings_of(modifier)
     regions = contract.plain_regions(
-        addon_module("host.members").MODIFIERS[kind], *addon_module("host.modifier_bytes")._WITHOUT
+        addon_module("host.members").MODIFIERS[kind], *addon_module("host.modifier_memory")._WITHOUT
     )
     hidden = 0
     for offset, size in regions:

@@ -495,7 +495,7 @@ def test_the_button_says_what_lacks(cast, settings):
 @needs_memory
 @pytest.mark.usefixtures("no_program")
 def test_the_timeline_marks_recorded_frames(cast):
-    strips = addon_module("ui.recorded_frames")
+    strips = addon_module("ui.played_rigs")
     assert strips.marked(bpy.context) == []
     cast.record()
     assert strips.marked(bpy.context) == []

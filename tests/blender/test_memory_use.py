@@ -89,9 +89,9 @@ def test_nothing_is_read_by_address(fresh_scene, preferences, character, monkeyp
     """Not even what every version of Blender keeps in the same way."""
     ob, twin, _ = character
     preferences.uses_memory = False
-    connections = addon_module("host.connections")
-    monkeypatch.setattr(connections, "ctypes", None)
-    assert connections.read(ob.data.loops, "vertex_index").shape == (len(ob.data.loops), 1)
+    mesh_arrays = addon_module("host.mesh_arrays")
+    monkeypatch.setattr(mesh_arrays, "ctypes", None)
+    assert mesh_arrays.read_connections(ob.data.loops, "vertex_index").shape == (len(ob.data.loops), 1)
     fresh_scene.frame_set(6)
     assert (evaluated(ob) == evaluated(twin)).all() and way(ob) == "BLENDER" and shortcut_of(ob) is None
 

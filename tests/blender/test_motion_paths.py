@@ -84,7 +84,7 @@ def test_rigs_that_are_not_computed_have_none(cast):  # noqa: F811
 
 def test_what_a_view_shows(cast, settings):  # noqa: F811
     accelerate(cast)
-    shown = addon_module("onion.path_drawing").shown
+    shown = addon_module("onion.motion_paths").shown
     select(cast.frozen[0])
     settings.path_frames = 5
     assert shown(bpy.context) == []

@@ -436,7 +436,7 @@ def test_times_are_those_of_ordinary_frames(fresh_scene):
 
 
 def test_times_shown_are_medians_of_the_last_frames():
-    timings = addon_module("run.status").Timings()
+    timings = addon_module("run.character").Timings()
     assert timings.recent() is None and timings.last.total == 0
     for each in (1.0, 3.0, 2.0):
         timings.add(np.array([each, each, 0.5]))

@@ -261,7 +261,7 @@ def test_a_hidden_armature_is_listed_if_a_mesh_needs_it(figure, clock, hide):
 def test_keyframes_and_drivers_stand_still_while_they_are_left_out(figure):
     ob, _ = figure
     drive(ob.data.shape_keys)
-    absences, rigs = addon_module("profiling.absences"), addon_module("profiling.armatures_alone")
+    absences, rigs = addon_module("profiling.absences"), addon_module("profiling.absences")
     accelerate(ob)
     scene, graph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()
     hooks = list(ob.animation_data.drivers)
@@ -269,7 +269,7 @@ def test_keyframes_and_drivers_stand_still_while_they_are_left_out(figure):
     keyed, drivers = rigs.unmuted_curves(blocks, hooks)
     assert keyed and [curve.data_path for curve in drivers] == ['key_blocks["Wide"].slider_max']
     scene.frame_set(1)
-    with absences.still(keyed):
+    with absences.muted(keyed):
         scene.frame_set(2)
         first = evaluated(ob)
         scene.frame_set(9)
@@ -488,7 +488,7 @@ def test_simulations_are_not_switched_off(figure, monkeypatch):
 
 
 @needs_memory
-@pytest.mark.parametrize("absent", ["scene_of", "still", "muted", "switched_off", "bound_for_now"])
+@pytest.mark.parametrize("absent", ["scene_of", "muted", "switched_off", "bound_for_now"])
 def test_an_error_while_something_is_absent_changes_nothing(figure, monkeypatch, absent):
     module = addon_module("main.whole_frames")
     if absent == "switched_off" and HAS_CLOCK:

@@ -1123,9 +1123,9 @@ def test_bones_are_read_from_memory_as_by_the_api(armature, monkeypatch):
     armature.pose.bones["b"]["own"], armature.data.bones["c"]["own"] = 0.5, 2
     found = described()
     assert '"pose.bones[\\"b\\"][\\"own\\"]"' in found[1] and '"data.bones[\\"c\\"][\\"own\\"]"' in found[1]
-    assert addon_module("host.bone_numbers").read(armature) is not None
+    assert addon_module("host.bone_memory").read_numbers(armature) is not None
     monkeypatch.setattr(contract, "has", lambda _feature: False)
-    assert addon_module("host.bone_numbers").read(armature) is None
+    assert addon_module("host.bone_memory").read_numbers(armature) is None
     assert found == described()
 
 

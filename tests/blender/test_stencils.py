@@ -100,7 +100,7 @@ def figure(plain):
 @pytest.fixture
 def always(monkeypatch):
     """The search is worth it however few frames there are."""
-    monkeypatch.setattr(addon_module("bake.shapes"), "PAYS", 0.001)
+    monkeypatch.setattr(addon_module("bake.evaluation"), "PAYS", 0.001)
 
 
 def leftovers():

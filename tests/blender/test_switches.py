@@ -585,16 +585,16 @@ def test_what_is_on_in_only_one_of_viewport_and_renders(fresh_scene, make, rende
 
 @needs_memory
 def test_graphs_tell_what_they_are_for(fresh_scene, make, rendered):
-    graph_modes = addon_module("host.graph_modes")
+    evaluations = addon_module("host.evaluations")
     ob, twin = make()
     fresh_scene.frame_set(3)
-    assert graph_modes.is_known() == TELLS_RENDERS
+    assert evaluations.is_mode_known() == TELLS_RENDERS
     graph = bpy.context.evaluated_depsgraph_get()
-    assert graph_modes.is_render(ob.evaluated_get(graph)) is (False if TELLS_RENDERS else None)
+    assert evaluations.is_render(ob.evaluated_get(graph)) is (False if TELLS_RENDERS else None)
     told = []
 
     def tell(scene, depsgraph):
-        told.append((depsgraph.mode, graph_modes.is_render(ob.evaluated_get(depsgraph))))
+        told.append((depsgraph.mode, evaluations.is_render(ob.evaluated_get(depsgraph))))
 
     bpy.app.handlers.frame_change_post.append(tell)
     try:

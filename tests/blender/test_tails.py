@@ -559,7 +559,7 @@ def test_exporters_switch_subdivision_off(fresh_scene, monkeypatch, levels_are_f
     pairs = bound(character_with(("SUBSURF", {"levels": 1})))
     find_stencils()
     assert bool(tail_of(pairs[0][0])) == levels_are_found
-    put_aside = addon_module("host.switches").put_aside
+    put_aside = addon_module("host.modifier_memory").put_aside
     for is_off in (True, False, True, False):
         for each in pairs[0]:
             put_aside(each.modifiers["SUBSURF"], is_off)

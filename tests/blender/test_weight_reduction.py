@@ -60,7 +60,7 @@ def reduction(ob, most, rings=0, tolerance=0.0):
     made = reducing.Reduction(
         ob,
         lambda armature, names: poses.on_frames(bpy.context, armature, names, FRAMES),
-        reducing.Settings(most, rings, tolerance),
+        reducing.ReduceSettings(most, rings, tolerance),
     )
     assert made.compute()
     return made
@@ -304,8 +304,8 @@ def test_the_newest_settings_win_and_nobody_waits_for_older_ones():
 
 def test_the_dialog_tells_what_the_newest_settings_do():
     ob, _ = make_animated()
-    settings, reads = addon_module("weights.reducing").Settings, []
-    measuring = addon_module("ui.weight_reduction").Measuring(lambda report: report.sentence(str))
+    settings, reads = addon_module("weights.reducing").ReduceSettings, []
+    measuring = addon_module("ui.weight_tools").Measuring(lambda report: report.sentence(str))
 
     def read():
         reads.append(reduction(ob, 1))

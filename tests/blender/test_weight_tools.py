@@ -72,7 +72,7 @@ def refusal(operator, *objects, **settings):
 def report_of(source, *targets, **settings):
     """Of a transfer that is not written."""
     module = addon_module("weights.transferring")
-    made = module.Transfer([source], targets, module.Settings(**settings))
+    made = module.Transfer([source], targets, module.TransferSettings(**settings))
     made.compute()
     return made.report(), made.matched
 

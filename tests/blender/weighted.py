@@ -81,7 +81,7 @@ def in_weight_paint():
     select(armature)
     with in_area("VIEW_3D"):
         bpy.ops.object.mode_set(mode="POSE")
-        addon_module("ui.weights").select_bones(armature, ("bone1", "bone2"))
+        addon_module("blender.selection").select_bones(armature, ("bone1", "bone2"))
     select(ob, armature)
     with in_area("VIEW_3D"):
         bpy.ops.object.mode_set(mode="WEIGHT_PAINT")

@@ -197,11 +197,8 @@ class Zoo:
 
 def forget_memory():
     """Discards all that is known of Blender's memory."""
-    for name in ("contract", "proof", "motions", "places", "poses"):
+    for name in ("contract", "proof"):
         addon_module(f"host.{name}").forget()
-    addon_module("host.key_blocks").key_layout.cache_clear()
-    for name in ("bone_bytes", "bone_numbers", "variables", "keyframes", "pose_settings"):
-        addon_module(f"host.{name}")._layout.cache_clear()
     addon_module("host.deform_verts")._weights_are_known = False
 
 

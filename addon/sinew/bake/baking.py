@@ -9,8 +9,8 @@ from ..feedback import long_work
 from . import evaluation, part_files, systems, usd_baking
 from . import job as jobs
 from . import subject as subjects
-from .baked import Baked
-from .shapes import Shapes
+from .evaluation import Shapes
+from .job import Baked
 
 
 def run(context: Any, job: jobs.Job) -> list[Baked]:

@@ -1,4 +1,4 @@
-"""A request for a bake, and the names of its files. Pure."""
+"""A request for a bake, the names of its files, and its result. Pure."""
 
 import os
 import re
@@ -63,3 +63,24 @@ def file_name(name: str) -> str:
     """Converts an object's name to a file name, the same on all systems."""
     cleaned = re.sub(r'[\x00-\x1f/\\:*?"<>|]', "_", name)
     return f"_{cleaned}" if cleaned.startswith(".") or DEVICE.match(cleaned) else cleaned
+
+
+@dataclass
+class Baked:
+    """The state of one object's cache after a bake."""
+
+    name: str
+    path: str
+    vertices: int
+    frames: int  # number of frames of the whole cache
+    baked: int = 0  # frames baked in this run
+    found: int = 0  # frames baked before this run
+    missing: int = 0  # frames that other runs still have to bake
+    remark: str = ""
+
+    def sentence(self) -> str:
+        text = f"{self.path}: {self.vertices:,} vertices, {self.baked} of {self.frames} frames baked"
+        if self.found:
+            text += f", {self.found} already baked"
+        text += f"; {self.missing} are missing" if self.missing else ""
+        return f"{text}; {self.remark}" if self.remark else text

@@ -27,7 +27,11 @@ def set_up(context: bpy.types.Context, ob: bpy.types.Object, path: str) -> None:
     vertex_count, first, step, until_subdivision = _read(path, context.scene)
     end = evaluation.subdivision_of(ob) if until_subdivision else None
     place = ob.modifiers.find(end.name) if end else len(ob.modifiers)
-    off = [modifier for modifier in list(ob.modifiers)[:place] if _can_stand_in_for(modifier)]
+    off = [
+        modifier
+        for modifier in list(ob.modifiers)[:place]
+        if modifier.type in modifier_types.MOVING_VERTICES and (modifier.show_viewport or modifier.show_render)
+    ]
     for modifier in off:
         if set(SWITCHES).intersection(animation.animated_properties(ob, modifier)):
             raise ValueError(f"{modifier.name} of {ob.name} is switched by drivers or keyframes: remove them first")
@@ -68,10 +72,6 @@ def _read(path, scene):
         return subject.vertex_count, subject.frames.first, subject.frames.step, subject.until_subdivision
     vertices, first, step = point_cache.read_header(path)
     return vertices, scene.frame_start if first is None else first, step, False
-
-
-def _can_stand_in_for(modifier):
-    return modifier.type in modifier_types.MOVING_VERTICES and (modifier.show_viewport or modifier.show_render)
 
 
 def _configure(cache, path, first, step):

@@ -10,9 +10,8 @@ import numpy as np
 
 from ..blender import bounds
 from . import evaluation, part_files, usd
-from .baked import Baked
-from .job import Job
-from .shapes import Shapes
+from .evaluation import Shapes
+from .job import Baked, Job
 from .skinned_mesh import LinearCharacter, NotLinear
 
 TOLERANCE = 1e-5  # how far skinning may differ from Blender's result, as a fraction of the diagonal

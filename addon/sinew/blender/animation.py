@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..host import actions
+from ..host import keyframes
 
 PLACE = "location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale"  # of an object
 _ONES = {*(("scale", i) for i in range(3)), ("rotation_quaternion", 0)}  # what an object has that is not moved
@@ -34,7 +34,7 @@ def drivers_of(block: bpy.types.ID) -> list[bpy.types.FCurve]:
 def keyed_curves(block: bpy.types.ID) -> list[bpy.types.FCurve]:
     """Returns the F-curves by which a data-block's action and its NLA strips animate it."""
     found: dict[int, bpy.types.FCurve] = {}
-    for played in actions.of(block):
+    for played in keyframes.actions_of(block):
         found.update((curve.as_pointer(), curve) for curve in curves_in(played.action, played.slot))
     return list(found.values())
 
@@ -45,7 +45,7 @@ def first_animated(block: bpy.types.ID, paths: Iterable[str]) -> str | None:
     data = block.animation_data
     if data is None:
         return None
-    curves = [data.drivers, *(each for played in actions.of(block) for each in _collections_in(*played[:2]))]
+    curves = [data.drivers, *(each for played in keyframes.actions_of(block) for each in _collections_in(*played[:2]))]
     return next((path for path in paths if any(each.find(path) is not None for each in curves)), None)
 
 

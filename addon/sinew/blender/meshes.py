@@ -6,7 +6,7 @@ import bmesh
 import bpy
 import numpy as np
 
-from ..host import connections, deform_verts, vector_arrays
+from ..host import deform_verts, mesh_arrays
 from . import nodes, values
 
 
@@ -41,7 +41,7 @@ def write_positions(mesh: bpy.types.Mesh, positions: np.ndarray) -> None:
         mesh.vertices.foreach_set("co", flat)
         mesh.update()
     else:
-        numbers = vector_arrays.attribute_vectors(attribute, len(positions))
+        numbers = mesh_arrays.attribute_vectors(attribute, len(positions))
         if numbers is None:
             attribute.data.foreach_set("vector", flat)
         else:
@@ -70,13 +70,13 @@ def select_vertices(mesh: bpy.types.Mesh, selected: np.ndarray) -> None:
 
 def read_topology(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Returns edges (E, 2), offsets of each face's corners (faces + 1,) and the corners' vertices (C,), all int32."""
-    return connections.read(mesh.edges, "vertices", 2), *read_corners(mesh)
+    return mesh_arrays.read_connections(mesh.edges, "vertices", 2), *read_corners(mesh)
 
 
 def read_corners(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
     """Returns offsets of each face's corners (faces + 1,) and the corners' vertices (C,), int32."""
-    corners = connections.read(mesh.loops, "vertex_index")[:, 0]
-    return np.append(connections.read(mesh.polygons, "loop_start"), np.int32(len(corners))), corners
+    corners = mesh_arrays.read_connections(mesh.loops, "vertex_index")[:, 0]
+    return np.append(mesh_arrays.read_connections(mesh.polygons, "loop_start"), np.int32(len(corners))), corners
 
 
 def point_attribute(mesh: bpy.types.Mesh, name: str) -> bpy.types.Attribute | None:

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from ..host import modifier_bytes
+from ..host import modifier_memory
 
 _BESIDE_RESULT = {
     "name",
@@ -33,7 +33,7 @@ def settings_of(modifier: bpy.types.Modifier) -> dict[str, Any]:
 
 def content_of(modifier: bpy.types.Modifier) -> tuple[dict[str, Any], bytes]:
     """Returns the settings that decide a modifier's result, and what Blender's API does not show of them."""
-    return settings_of(modifier), modifier_bytes.read(modifier)
+    return settings_of(modifier), modifier_memory.read_settings(modifier)
 
 
 def copy(modifier: bpy.types.Modifier, ob: bpy.types.Object) -> bpy.types.Modifier:
@@ -41,5 +41,5 @@ def copy(modifier: bpy.types.Modifier, ob: bpy.types.Object) -> bpy.types.Modifi
     made = ob.modifiers.new(modifier.name, modifier.type)
     for setting, value in settings_of(modifier).items():
         setattr(made, setting, value)
-    modifier_bytes.copy(modifier, made)
+    modifier_memory.copy_settings(modifier, made)
     return made

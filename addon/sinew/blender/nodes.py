@@ -86,11 +86,10 @@ def set_canvas(modifier: bpy.types.Modifier, canvas: bpy.types.Object | None, ta
 def is_canvas(ob: bpy.types.Object) -> bool:
     """Whether an object is a canvas: it is in no scene, has the mesh of another object, and its evaluated copies have
     that object's deformed positions in an attribute."""
-    return len(ob.modifiers) > 0 and _is_canvas_modifier(ob.modifiers[-1])
-
-
-def _is_canvas_modifier(modifier):
-    return modifier.type == "NODES" and modifier.node_group is not None and CANVAS_PROPERTY in modifier.node_group
+    own = list(ob.modifiers)[-1:]
+    return any(
+        each.type == "NODES" and each.node_group is not None and CANVAS_PROPERTY in each.node_group for each in own
+    )
 
 
 def add_canvas_modifier(ob: bpy.types.Object) -> None:
@@ -162,43 +161,34 @@ def node_group() -> bpy.types.NodeTree:
     """Returns the node group that Sinew's modifiers share, and makes it if there is none. All its work is done in a
     nested group, because for each geometry passed between nodes of the outer group, Blender logs the names of all
     vertex groups for the spreadsheet."""
-    group = _found({VERSION_PROPERTY: NODE_GROUP_VERSION, READS_PROPERTY: None})
-    if group is not None:
-        return group
-    group, source, target = _new_group(NODE_GROUP_NAME)
-    _keep(group, {VERSION_PROPERTY: NODE_GROUP_VERSION})
-    within = group.nodes.new("GeometryNodeGroup")
-    within.node_tree = _placing_group()
-    _link(group, source, within, target)
-    return group
+    return _nesting_group(NODE_GROUP_NAME, None, _placing_group)
 
 
 def shared_group() -> bpy.types.NodeTree:
     """Returns the node group of Sinew's modifiers on meshes that several objects share, and makes it if there is none.
     It moves the vertices to the positions in the attribute of a canvas. Nested like `node_group`."""
-    return _reading_group(SHARED_GROUP_NAME, POSITIONS, _shared_placing_group)
+    return _nesting_group(SHARED_GROUP_NAME, POSITIONS, _shared_placing_group)
 
 
 def front_group() -> bpy.types.NodeTree:
     """Returns the node group of Sinew's modifiers that take all from a canvas, and makes it if there is none. Its
     result is that of the canvas, with the vertices at the positions in its attribute. Nested like `node_group`."""
-    return _reading_group(FRONT_GROUP_NAME, GEOMETRY, _front_placing_group)
+    return _nesting_group(FRONT_GROUP_NAME, GEOMETRY, _front_placing_group)
 
 
-def _reading_group(name, what, make_inner):
-    """Returns a node group that reads a canvas, and makes it if there is none. what: POSITIONS or GEOMETRY; make_inner:
-    function that returns the new group within it."""
+def _nesting_group(name, what, make_inner):
+    """Returns a node group around another one, and makes it if there is none. what: POSITIONS or GEOMETRY if it reads a
+    canvas, else None; make_inner: function that returns the new group within it."""
     properties = {VERSION_PROPERTY: NODE_GROUP_VERSION, READS_PROPERTY: what}
     found = _found(properties)
     if found is not None:
         return found
-    group, source, target = _new_group(name, CANVAS_INPUT)
-    _keep(group, properties)
-    within = group.nodes.new("GeometryNodeGroup")
-    within.node_tree = make_inner()
-    _link(group, source, within, target)
-    group.links.new(source.outputs[CANVAS_INPUT], within.inputs[CANVAS_INPUT])
-    return group
+    new = _new_graph(name, what is not None)
+    _keep(new.tree, properties)
+    within = new.node("GeometryNodeGroup", node_tree=make_inner())
+    for socket in within.inputs:
+        new.put(new.input(socket.name), socket)
+    return new.close(within.outputs[0])
 
 
 def canvas_group() -> bpy.types.NodeTree:
@@ -207,16 +197,10 @@ def canvas_group() -> bpy.types.NodeTree:
     found = _found({CANVAS_PROPERTY: CANVAS_GROUP_VERSION})
     if found is not None:
         return found
-    group, source, target = _new_group(CANVAS_GROUP_NAME)
-    _keep(group, {CANVAS_PROPERTY: CANVAS_GROUP_VERSION})
-    store = group.nodes.new("GeometryNodeStoreNamedAttribute")
-    store.data_type, store.domain = "FLOAT_VECTOR", "POINT"
-    store.inputs["Name"].default_value = POSITION_ATTRIBUTE
-    position = group.nodes.new("GeometryNodeInputPosition")
-    position.location = (0, -200)
-    group.links.new(position.outputs[0], _vector_value(store))
-    _link(group, source, store, target)
-    return group
+    new = _new_graph(CANVAS_GROUP_NAME)
+    _keep(new.tree, {CANVAS_PROPERTY: CANVAS_GROUP_VERSION})
+    rest = new.node("GeometryNodeInputPosition").outputs[0]
+    return new.close(_stored(new, POSITION_ATTRIBUTE, new.input("Geometry"), rest).outputs[0])
 
 
 def make_groups() -> None:
@@ -238,114 +222,71 @@ def _found(properties):
 def _keep(group, properties):
     """Sets custom properties of a group, and has Blender save the group even if nothing uses it."""
     for name, value in properties.items():
-        group[name] = value
+        if value is not None:
+            group[name] = value
     if not group.use_fake_user:
         group.use_fake_user = True
 
 
+def _new_graph(name, has_canvas=False):
+    inputs = [("Geometry", "Geometry", None, None, "")]
+    return graph.Graph(name, inputs + [(CANVAS_INPUT, "Object", None, None, "")] * has_canvas, "Geometry")
+
+
 def _placing_group():
     """Returns a new group that moves the vertices to the positions in the attribute and removes the attribute."""
-    group, source, target = _new_group(PLACING_GROUP_NAME)
-    attribute = group.nodes.new("GeometryNodeInputNamedAttribute")
-    attribute.data_type = "FLOAT_VECTOR"
-    attribute.inputs["Name"].default_value = POSITION_ATTRIBUTE
-    attribute.location = (200, -200)
-    place, value = _new_place(group)
-    forget = _new_forget(group)
-    group.links.new(attribute.outputs["Attribute"], value)
+    new = _new_graph(PLACING_GROUP_NAME)
+    attribute = _attribute(new)
+    place = _placed(new, new.input("Geometry"), attribute.outputs["Attribute"])
     # A mesh without the attribute keeps its own shape.
     if "Exists" in attribute.outputs:
-        group.links.new(attribute.outputs["Exists"], place.inputs["Selection"])
-    _link(group, source, place, forget, target)
-    return group
+        new.put(attribute.outputs["Exists"], place.inputs["Selection"])
+    return new.close(_without_attribute(new, place))
 
 
 def _shared_placing_group():
     """Returns a new group that moves the vertices to the positions in the attribute of a canvas."""
-    group, source, target = _new_group(SHARED_PLACING_GROUP_NAME, CANVAS_INPUT)
-    canvas, attribute = _canvas_and_attribute(group, source)
-    index = group.nodes.new("GeometryNodeInputIndex")
-    sample = group.nodes.new("GeometryNodeSampleIndex")
-    sample.data_type, sample.domain = "FLOAT_VECTOR", "POINT"
-    index.location, sample.location = (0, -600), (200, -200)
-    place, value = _new_place(group)
-    geometry = next(socket for socket in sample.inputs if socket.type == "GEOMETRY")
-    group.links.new(canvas.outputs["Geometry"], geometry)
-    group.links.new(attribute.outputs["Attribute"], _vector_value(sample))
-    group.links.new(index.outputs[0], graph.enabled(sample.inputs, "Index"))
-    group.links.new(graph.enabled(sample.outputs), value)
-    _link(group, source, place, target)
-    return group
+    new = _new_graph(SHARED_PLACING_GROUP_NAME, True)
+    values = {"Value": _attribute(new).outputs["Attribute"], "Index": new.node("GeometryNodeInputIndex").outputs[0]}
+    there = new.node("GeometryNodeSampleIndex", {0: _canvas(new)} | values, data_type="FLOAT_VECTOR", domain="POINT")
+    return new.close(_placed(new, new.input("Geometry"), graph.enabled(there.outputs)).outputs[0])
 
 
 def _front_placing_group():
     """Returns a new group that returns the geometry of a canvas, with its vertices at the positions in its attribute,
     and without that."""
-    group, source, target = _new_group(FRONT_PLACING_GROUP_NAME, CANVAS_INPUT)
-    canvas, attribute = _canvas_and_attribute(group, source)
-    place, value = _new_place(group)
-    forget = _new_forget(group)
-    group.links.new(canvas.outputs["Geometry"], place.inputs["Geometry"])
-    group.links.new(attribute.outputs["Attribute"], value)
-    _link(group, place, forget, target)
-    return group
+    new = _new_graph(FRONT_PLACING_GROUP_NAME, True)
+    return new.close(_without_attribute(new, _placed(new, _canvas(new), _attribute(new).outputs["Attribute"])))
 
 
-def _canvas_and_attribute(group, source):
-    """Adds nodes for a canvas and for the attribute of deformed positions, and returns them. source: the group's input
-    node."""
-    canvas = group.nodes.new("GeometryNodeObjectInfo")
-    canvas.transform_space = "ORIGINAL"
-    group.links.new(source.outputs[CANVAS_INPUT], canvas.inputs["Object"])
-    canvas.location = (0, -200)
-    attribute = group.nodes.new("GeometryNodeInputNamedAttribute")
-    attribute.data_type = "FLOAT_VECTOR"
-    attribute.inputs["Name"].default_value = POSITION_ATTRIBUTE
-    attribute.location = (0, -400)
-    return canvas, attribute
+def _canvas(new):
+    """Returns the geometry of the canvas."""
+    canvas = new.node("GeometryNodeObjectInfo", {"Object": new.input(CANVAS_INPUT)}, transform_space="ORIGINAL")
+    return canvas.outputs["Geometry"]
 
 
-def _new_forget(group):
-    """Adds a node that removes the attribute of deformed positions: later modifiers would have to process it."""
-    forget = group.nodes.new("GeometryNodeRemoveAttribute")
-    forget.inputs["Name"].default_value = POSITION_ATTRIBUTE
-    return forget
+def _attribute(new):
+    """Adds a node for the attribute of deformed positions."""
+    return new.node("GeometryNodeInputNamedAttribute", {"Name": POSITION_ATTRIBUTE}, data_type="FLOAT_VECTOR")
 
 
-def _new_place(group):
-    """Adds a node that sets all positions. Returns it, and its input for them."""
+def _without_attribute(new, place):
+    """Removes the attribute of deformed positions from a geometry: later modifiers would have to process it."""
+    values = {"Geometry": place.outputs[0], "Name": POSITION_ATTRIBUTE}
+    return new.node("GeometryNodeRemoveAttribute", values).outputs[0]
+
+
+def _placed(new, geometry, positions):
+    """Adds a node that sets all positions of a geometry."""
     if bpy.app.version < (4, 0, 0):
-        place = group.nodes.new("GeometryNodeSetPosition")
-        return place, place.inputs["Position"]
-    # The same result as Set Position, but faster.
-    place = group.nodes.new("GeometryNodeStoreNamedAttribute")
-    place.data_type, place.domain = "FLOAT_VECTOR", "POINT"
-    place.inputs["Name"].default_value = "position"
-    return place, _vector_value(place)
+        return new.node("GeometryNodeSetPosition", {"Geometry": geometry, "Position": positions})
+    return _stored(new, "position", geometry, positions)  # the same result as Set Position, but faster
 
 
-def _vector_value(node):
-    """Returns the input of a node for values that are vectors."""
-    return next(socket for socket in node.inputs if socket.name == "Value" and socket.type == "VECTOR")
-
-
-def _new_group(name, object_input=None):
-    """Returns a new group with a geometry as input and output, its input node and its output node. object_input: name
-    of another input, an object."""
-    group = bpy.data.node_groups.new(name, "GeometryNodeTree")
-    for direction in ("INPUT", "OUTPUT"):
-        graph.new_socket(group, "Geometry", direction, "NodeSocketGeometry")
-    if object_input is not None:
-        graph.new_socket(group, object_input, "INPUT", "NodeSocketObject")
-    return group, group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
-
-
-def _link(group, *nodes):
-    """Links the nodes in a row, by their geometry."""
-    for column, node in enumerate(nodes):
-        node.location = (200 * column, 0)
-    for one, next_one in zip(nodes, nodes[1:]):
-        group.links.new(one.outputs[0], next_one.inputs["Geometry"])
+def _stored(new, name, geometry, positions):
+    """Adds a node that stores vectors in an attribute of the vertices."""
+    values = {"Geometry": geometry, "Name": name, "Value": positions}
+    return new.node("GeometryNodeStoreNamedAttribute", values, data_type="FLOAT_VECTOR", domain="POINT")
 
 
 def let_groups_go() -> None:

@@ -9,7 +9,7 @@ import threading
 from typing import Any
 
 from ..blender import armatures, values
-from ..host import bone_bytes, marks
+from ..host import bone_memory, marks
 from ..plan import animated
 
 MOST_KNOWN = 8  # per armature; another graph may still use an older one
@@ -61,7 +61,7 @@ def is_last(address: int, number: int) -> bool:
 def _number_of(armature: Any, known: list[tuple[int, bytes, Any]]) -> int:
     # With trouble, a plan leaves them to Blender.
     trouble = animated.why(armature.data, "ARMATURE", looks_at_sources=False).encode()
-    found = bone_bytes.read_bytes(armature.data) + trouble if bone_bytes.can_read() else b""
+    found = bone_memory.read_bytes(armature.data) + trouble if bone_memory.can_read() else b""
     number = next((number for number, other, _signature in known if other == found), 0) if found else 0
     if not number:
         # Other bones, or other bytes that do not matter, such as which bones are selected.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..blender import meshes, values
-from ..host import bindings, contract, features, lattices
+from ..host import cage_memory, contract, features
 from ..native import sinew_native
 from . import layers
 from .leaving import LeaveToBlender
@@ -35,7 +35,7 @@ class Lattice:
         return native.stage(
             points.reshape(-1, 3),
             (lattice.points_u, lattice.points_v, lattice.points_w),
-            *lattices.rest_grid(lattice),
+            *cage_memory.rest_grid(lattice),
             tuple(getattr(lattice, f"interpolation_type_{axis}").removeprefix("KEY_").lower() for axis in "uvw"),
             _relative_matrix(target, ob),
             modifier.strength,
@@ -48,10 +48,10 @@ class SurfaceDeform:
 
     @staticmethod
     def arrays(modifier: Any, source: Any) -> tuple[np.ndarray | None, ...]:
-        counts = bindings.surface_counts(modifier)
+        counts = cage_memory.surface_counts(modifier)
         if counts is None or counts.mesh != len(source.positions):
             raise LeaveToBlender("it has just been bound, or the mesh edited")
-        return source.group(modifier), *bindings.read_surface(modifier)
+        return source.group(modifier), *cage_memory.read_surface(modifier)
 
     @staticmethod
     def make(modifier: Any, topology: Any, weights: np.ndarray | None, *binding: np.ndarray) -> Any:
@@ -61,11 +61,11 @@ class SurfaceDeform:
     def stage(native: Any, _ob: Any, modifier: Any) -> Any:
         target = _readable(modifier.target)
         positions = meshes.read_positions(target.data)
-        counts = bindings.surface_counts(modifier)
+        counts = cage_memory.surface_counts(modifier)
         # Blender follows a target that has more vertices than before, but none that has fewer.
         if counts is None or len(positions) < max(counts.target, native.least_target_count):
             raise LeaveToBlender(f"{target.name} has fewer vertices than when it was bound")
-        return native.stage(positions, bindings.surface_matrix(modifier), modifier.strength)
+        return native.stage(positions, cage_memory.surface_matrix(modifier), modifier.strength)
 
 
 class MeshDeform:
@@ -73,10 +73,10 @@ class MeshDeform:
 
     @staticmethod
     def arrays(modifier: Any, source: Any) -> tuple[np.ndarray | None, ...]:
-        counts = bindings.mesh_counts(modifier)
+        counts = cage_memory.mesh_counts(modifier)
         if counts is None or counts.mesh != len(source.positions) or modifier.use_dynamic_bind:
             raise LeaveToBlender("it has just been bound, or the mesh edited")
-        return source.group(modifier), *bindings.read_mesh(modifier)
+        return source.group(modifier), *cage_memory.read_mesh(modifier)
 
     @staticmethod
     def make(modifier: Any, _topology: Any, weights: np.ndarray | None, *binding: np.ndarray) -> Any:
@@ -88,7 +88,7 @@ class MeshDeform:
         positions = meshes.read_positions(target.data)
         if len(positions) != native.cage_vertex_count:
             raise LeaveToBlender(f"{target.name} has other vertices than when it was bound")
-        bound_from_cage = bindings.mesh_matrix(modifier)
+        bound_from_cage = cage_memory.mesh_matrix(modifier)
         bound_from_mesh = bound_from_cage.astype(np.float64) @ _relative_matrix(target, ob)
         if np.linalg.det(bound_from_mesh) == 0:
             raise LeaveToBlender(f"{target.name} has a scale of 0 along an axis")
@@ -101,15 +101,15 @@ def was_unbound_late(modifier: Any) -> bool:
     the old binding in the evaluated copy, binding it again would go wrong."""
     if modifier.type != "SURFACE_DEFORM" or not contract.has(features.SURFACE):
         return False
-    return modifier.is_bound and bindings.surface_counts(modifier) is None
+    return modifier.is_bound and cage_memory.surface_counts(modifier) is None
 
 
 def _point_weights(lattice: Any) -> np.ndarray | None:
     """Returns the weights in the vertex group of a lattice, (P,), or None."""
     if not lattice.vertex_group:
         return None
-    found = lattices.read_weights(lattice)
-    return found and layers.Weights(*found, lattices.group_names(lattice)).of_group(lattice.vertex_group)
+    found = cage_memory.read_weights(lattice)
+    return found and layers.Weights(*found, cage_memory.group_names(lattice)).of_group(lattice.vertex_group)
 
 
 def _readable(target: Any) -> Any:

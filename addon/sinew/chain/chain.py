@@ -18,7 +18,7 @@ class Chain:
     """The deformer of one evaluated object, and the stages behind it."""
 
     def __init__(self, copy: Any) -> None:
-        """copy: graph_copy.GraphCopy."""
+        """copy: graph_copies.GraphCopy."""
         self._copy = copy
         self.deformer: Any = None  # sinew_native.Deformer, or None
         self.first = mixes.Mix(copy)  # of the Armature modifiers with which the chain begins

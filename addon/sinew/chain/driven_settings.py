@@ -8,7 +8,7 @@ import math
 from typing import Any
 
 from ..host import contract
-from ..plan import driven, driver_variables, drivers, plans, wiring
+from ..plan import driven, drivers, plans, wiring
 from .leaving import LeaveToBlender
 
 
@@ -70,7 +70,7 @@ class DrivenSettings:
     def __init__(self, ob: Any, plan: plans.Plan) -> None:
         """ob: evaluated, and not copied again as long as this is used."""
         hook = plan.hook_of(ob)
-        copies = driver_variables.copies(hook) if plan.driven else []
+        copies = driven.copies_in(hook) if plan.driven else []
         self._settings: dict[str, list[_Setting]] = {}
         for name, settings in plan.driven:
             for each in settings:

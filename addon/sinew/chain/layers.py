@@ -13,7 +13,7 @@ import numpy as np
 from ..blender import armatures, values
 from ..deform.clips import transformed
 from ..deform.influences import Bones, Influences, Rules, columns_of_groups, group_weights, influences
-from ..host import motions
+from ..host import poses
 from ..native import sinew_native
 from . import living, methods
 from .leaving import LeaveToBlender
@@ -125,7 +125,7 @@ class Layer:
         numbers = self._blank.copy()
         if is_posed(armature):
             bones = self.first_joint, self.bones.joint_counts
-            motions.read(armature, *bones, numbers)
+            poses.read_motions(armature, *bones, numbers)
             if self.splits_motions and sinew_native.host.is_any_flat(numbers, *bones):
                 raise LeaveToBlender("a B-bone is flat, and how Preserve Volume turns it depends on Blender's rounding")
         return numbers.transpose(0, 2, 1)

@@ -23,7 +23,7 @@ class Mix:
     """One mix of a mesh, in one dependency graph."""
 
     def __init__(self, copy: Any) -> None:
-        """copy: graph_copy.GraphCopy."""
+        """copy: graph_copies.GraphCopy."""
         self._copy = copy
         self.layers: list[layers.Layer] = []  # one per modifier that is on
         self.native: Any = None  # of a later mix: the sinew_native.MixedLayers of these layers; None: it has to be made

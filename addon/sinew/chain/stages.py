@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..blender import meshes, values
-from ..host import vector_arrays
+from ..host import mesh_arrays
 from ..native import sinew_native
 from . import cage_stages, living
 from .leaving import LeaveToBlender
@@ -49,7 +49,7 @@ class CorrectiveSmooth:
         if modifier.use_only_smooth:
             rest = None
         elif modifier.rest_source == "BIND":
-            rest = vector_arrays.bound_positions(modifier)
+            rest = mesh_arrays.bound_positions(modifier)
             if rest is None or len(rest) != len(source.positions):
                 raise LeaveToBlender("keyframes or a driver have set another rest source, for which it is not bound")
         return source.group(modifier), rest

@@ -10,7 +10,6 @@ line on stdout is a JSON document.
 
 import argparse
 import ctypes
-import dataclasses
 import json
 import os
 import sys
@@ -19,37 +18,29 @@ from typing import Any, NoReturn
 
 import bpy
 
-from ..install import bind
 from ..main import memory_use
 from ..plan import bindable
 from ..profiling import costs, measure
 from ..rig_files import rig_export, rig_import
-from . import (
-    bake_command,
-    bench_command,
-    command_options,
-    output,
-    rig_command,
-    to_bones_command,
-    weight_options,
-    weight_tools_command,
-    weights_command,
-)
-from .option_types import identifier
+from ..rig_files.file_options import ExportOptions, FileOptions, ImportOptions
+from . import bake_commands, bench_command, command_options, output, rig_command, weight_commands
+from .arguments import identifier, read
+from .blend_files import open_blend, sentence
 
 
 def run(arguments: Sequence[str]) -> int:
     """Runs one command. arguments: the words after `sinew`. Returns the exit code."""
     try:
-        options = command_options.make_parser().parse_args(weight_options.joined(list(arguments)))
+        options = command_options.make_parser().parse_args(command_options.joined(list(arguments)))
     except SystemExit as stop:  # argparse has printed help or an error
         return stop.code or 0  # type: ignore[return-value] # argparse's codes are numbers
     try:
         document, text, *code = COMMANDS[options.command](options)
-    except (ValueError, OSError, MemoryError, bindable.BindingError, bind.OutputError) as error:
+    except (ValueError, OSError, MemoryError) as error:
         print(f"sinew: {sentence(error)}", file=sys.stderr, flush=True)
         return 1
-    flush_blender()
+    if os.name == "posix":  # in a pipe, Blender's own output would otherwise appear after ours
+        ctypes.CDLL(None).fflush(None)
     print(json.dumps(document) if options.json else text, flush=True)
     return code[0] if code else 0
 
@@ -57,12 +48,6 @@ def run(arguments: Sequence[str]) -> int:
 def main() -> NoReturn:
     """Runs the words after `--` and ends the process."""
     sys.exit(run(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []))
-
-
-def flush_blender() -> None:
-    """Flushes C's stdout: in a pipe, Blender's own output would otherwise appear after ours."""
-    if os.name == "posix":
-        ctypes.CDLL(None).fflush(None)
 
 
 # --- commands: options -> JSON document, text, exit code if not 0 -----------------------------------------------------
@@ -77,7 +62,7 @@ def info(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
         open_blend(options.path)
         document, text = output.report_meshes(options.path, bench_command.deformed_meshes(bpy.data.objects))
         return document | {"program": memory_use.facts()}, "\n".join((text, "", *memory_use.states()))
-    return output.report_rig(skeleton_path(options.path), import_options(options))
+    return output.report_rig(skeleton_path(options.path), read(options, FileOptions))
 
 
 def profile(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
@@ -110,8 +95,8 @@ def export(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
         raise ValueError(f"{ob.name} has no armature: give it one, or choose another mesh")
     os.makedirs(options.folder, exist_ok=True)
     path = os.path.join(options.folder, "skeleton.bf")
-    rig_export.export_rig(bpy.context, ob, path, identifier(options.animation), options.up_axis)
-    return output.report_rig(path, rig_import.ImportOptions())
+    rig_export.export_rig(bpy.context, ob, path, read(options, ExportOptions))
+    return output.report_rig(path, FileOptions())
 
 
 def run_bench(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
@@ -142,56 +127,23 @@ def run_bench(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     return output.report_bench(options, contest, results)
 
 
-def run_bake(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
-    return bake_command.run(options, open_blend)
-
-
-def run_to_bones(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
-    return to_bones_command.run(options, open_blend)
-
-
-def run_weights(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
-    return weights_command.run(options, open_blend)
-
-
-def run_weight_tool(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
-    return weight_tools_command.COMMANDS[options.command](options, open_blend)
-
-
 COMMANDS: dict[str, Callable[[argparse.Namespace], tuple[Any, ...]]] = {
     "info": info,
     "import": import_,
     "export": export,
-    "weights": run_weights,
-    **dict.fromkeys(weight_tools_command.COMMANDS, run_weight_tool),
-    "bake": run_bake,
-    "bake-to-bones": run_to_bones,
-    "rig": lambda options: rig_command.run(options, open_blend),
+    "weights": weight_commands.assign,
+    "weights transfer": weight_commands.transfer,
+    "weights smooth": weight_commands.smooth,
+    "weights mirror": weight_commands.mirror,
+    "weights reduce": weight_commands.reduce,
+    "bake": bake_commands.bake,
+    "bake-to-bones": bake_commands.bake_to_bones,
+    "rig": rig_command.run,
     "bench": run_bench,
 }
 
 
 # --- files ----------------------------------------------------------------------------------------
-
-
-def open_blend(path: str) -> None:
-    """Opens a file. All references to data of the previous file become invalid."""
-    if not os.path.isfile(path):
-        raise ValueError(f"there is no file {path}")
-    try:
-        bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
-    except RuntimeError as error:
-        if bpy.data.filepath != path:  # otherwise it is open, and only some part of it is damaged
-            raise ValueError(sentence(error)) from error
-
-
-def sentence(error: Exception) -> str:
-    """Returns the message of an error, without the "Error: " that operators put before it."""
-    if isinstance(error, OSError) and error.filename:
-        return f"{error.filename}: {error.strerror}"
-    if isinstance(error, MemoryError):
-        return str(error) or "there is not enough memory"
-    return str(error).strip().splitlines()[-1].removeprefix("Error: ")
 
 
 def skeleton_path(path: str) -> str:
@@ -208,25 +160,11 @@ def skeleton_path(path: str) -> str:
     return path
 
 
-def import_options(options: argparse.Namespace) -> rig_import.ImportOptions:
-    """Returns the options that were given, with the importer's defaults for the others."""
-    given = {
-        field.name: getattr(options, field.name)
-        for field in dataclasses.fields(rig_import.ImportOptions)
-        if hasattr(options, field.name)
-    }
-    for name in {"method", "source", "output"}.intersection(given):
-        given[name] = identifier(given[name])
-    if given.get("convention") == "auto":
-        given["convention"] = None
-    return rig_import.ImportOptions(**given)
-
-
 def import_into_empty_file(options: argparse.Namespace) -> bpy.types.Object:
     """Imports a rig into an empty file. Returns the mesh object."""
     path = skeleton_path(options.path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    mesh_object, _armature, remark = rig_import.import_rig(bpy.context, path, import_options(options))
+    mesh_object, _armature, remark = rig_import.import_rig(bpy.context, path, read(options, ImportOptions))
     if remark:
         print(f"sinew: {remark}", file=sys.stderr, flush=True)
     return mesh_object

@@ -4,46 +4,42 @@ import argparse
 import os
 from typing import Any
 
-from ..bake import frame_range as bake_range
-from ..bake import job
+from ..bake import frame_range, job
+from ..deform import choices
 from ..profiling import costs
-from . import rig_options, to_bones_options, weight_options
-from .option_types import blend_path, frames_by, identifier, positive_integer, positive_number, share
-from .shared_options import add_file, add_frames, add_objects, add_save
+from ..rig_files import file_options
+from ..to_bones import bake_options
+from ..to_bones.bone_names import read_names
+from ..weights import weight_settings
+from . import arguments
+from .arguments import add_file, add_frames, add_objects, add_save, blend_path, positive_integer, positive_number, word
 
-BLENDERS_METHODS = ("linear", "dual-quaternion")  # those of its Armature modifier
-METHODS = (*BLENDERS_METHODS, "blended", "rotation-centers", "direct-delta-mush")
+BLENDERS_METHODS = tuple(word(name) for name, *_ in choices.METHODS[:2])  # those of its Armature modifier
+NEGATIVE = "default: the scene's; if the first is negative, --frames=-5-10"
+
+
+def joined(words: list[str]) -> list[str]:
+    """Returns the words of a shell, with a command of two words as one."""
+    own = " ".join(words[:2])
+    return [own, *words[2:]] if own in COMMANDS else words
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """Returns the parser. In its result, `command` is the name of the command; rig options that were not given are
-    absent."""
+    """Returns the parser. In its result, `command` is the name of the command."""
     parser = argparse.ArgumentParser(
         prog="sinew",
         description="Skeletal deformation with a native core.",
         epilog="Exit codes: 0 done, 1 failed (stderr says why), 2 wrong usage.",
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
-    add_info(commands)
-    add_import(commands)
-    add_export(commands)
-    add_weights(commands)
-    weight_options.add(lambda name, summary: add_command(commands, name, summary))
-    add_bake(commands)
-    add_bake_to_bones(commands)
-    rig_options.add(lambda name, summary: add_command(commands, name, summary))
-    add_bench(commands)
+    for name, (summary, add) in COMMANDS.items():
+        command = commands.add_parser(name, help=summary, description=summary, allow_abbrev=False)
+        command.add_argument("--json", action="store_true", help="end stdout with one line of JSON")
+        add(command)
     return parser
 
 
-def add_command(commands: Any, name: str, summary: str) -> argparse.ArgumentParser:
-    command = commands.add_parser(name, help=summary, description=summary, allow_abbrev=False)
-    command.add_argument("--json", action="store_true", help="end stdout with one line of JSON")
-    return command
-
-
-def add_info(commands: Any) -> None:
-    command = add_command(commands, "info", "what is in a rig folder, or which meshes of a .blend an armature deforms")
+def add_info(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "path", metavar="PATH", type=os.path.abspath, help="a rig folder, its skeleton file, or a .blend"
     )
@@ -56,130 +52,79 @@ def add_info(commands: Any) -> None:
     command.add_argument(
         "--frames",
         metavar="A-B",
-        type=frames_by(costs.parse_frames),
-        help=f"the frames to play for --profile, at most {costs.MOST_FRAMES} of them, evenly spread "
-        "(default: the scene's; if the first is negative, --frames=-5-10)",
+        type=arguments.read_by(costs.parse_frames),
+        help=f"the frames to play for --profile, at most {costs.MOST_FRAMES} of them, evenly spread ({NEGATIVE})",
     )
     add_file_options(command)
 
 
-def add_import(commands: Any) -> None:
-    command = add_command(commands, "import", "make a .blend from a rig folder")
+def add_import(command: argparse.ArgumentParser) -> None:
     command.add_argument("path", metavar="FOLDER", type=os.path.abspath, help="the rig folder, or its skeleton file")
     command.add_argument(
         "-o", "--output", dest="blend", metavar="FILE.blend", type=blend_path, required=True, help="where to save it"
     )
     add_file_options(command)
-    group = command.add_argument_group("the scene", argument_default=argparse.SUPPRESS)
-    group.add_argument(
-        "--up-axis", type=identifier, choices=("Y", "Z"), help="the axis of the files that points up (Y)"
-    )
-    group.add_argument("--scale", metavar="S", type=positive_number, help="size of the imported rig (1)")
-    group.add_argument("--method", choices=METHODS, help="how the joints' motions are blended (linear)")
-    group.add_argument(
-        "--source",
-        choices=("clip", "armature"),
-        help="where the pose comes from: the rig's own poses, or the armature (clip)",
-    )
-    group.add_argument(
-        "--frame-rate",
-        metavar="N",
-        type=positive_number,
-        help="poses per second in the file, played at the scene's frame rate (one pose per frame)",
-    )
-    group.add_argument(
-        "--keep-frame-range",
-        dest="set_frame_range",
-        action="store_false",
-        help="do not end the scene with the last pose",
-    )
-    add_output_kind(group)
+    scene = ("up_axis", "scale", "method", "source", "frame_rate", "set_frame_range", "output")
+    arguments.add(command.add_argument_group("the scene"), file_options.ImportOptions, *scene)
 
 
-def add_export(commands: Any) -> None:
-    command = add_command(commands, "export", "write a character of a .blend as a rig folder")
+def add_export(command: argparse.ArgumentParser) -> None:
     command.add_argument("path", metavar="FILE.blend", type=blend_path)
     command.add_argument("folder", metavar="FOLDER", type=os.path.abspath, help="made if it is missing")
     command.add_argument("--object", metavar="NAME", help="which mesh, if several are deformed")
-    command.add_argument(
-        "--animation",
-        choices=("auto", "frames", "none"),
-        default="auto",
-        help="auto (the default): the imported poses if they are shown, else the scene's "
-        "frames if the armature is animated; frames: always those",
-    )
-    command.add_argument(
-        "--up-axis",
-        type=identifier,
-        choices=("Y", "Z"),
-        default="Y",
-        help="the axis of the files that the mesh's Z axis becomes, if it was not imported (Y)",
-    )
+    arguments.add(command, file_options.ExportOptions)
 
 
-def add_weights(commands: Any) -> None:
-    command = add_command(
-        commands, "weights", "make weights for meshes from the bones of an armature; exit code 1 if any vertex has none"
-    )
+def add_weights(command: argparse.ArgumentParser) -> None:
     add_file(command)
     command.add_argument("--armature", metavar="NAME", required=True, help="the armature whose bones move the meshes")
     add_objects(command, "which meshes, as one body (default: all that belong to the armature)")
     command.add_argument("--check", action="store_true", help="change nothing: report what is wrong with the weights")
-    command.add_argument(
-        "--angle",
-        metavar="DEGREES",
-        type=positive_number,
-        default=60.0,
-        help="with --check: by how much each bone is bent to see how far it stretches the mesh (60)",
-    )
+    arguments.add(command, weight_settings.CheckSettings, "angle")
     command.add_argument("--sheet", metavar="FILE.png", help="with --check: write a picture of these poses")
     add_save(command)
-    command.add_argument(
-        "--bones",
-        choices=("automatic", "tail", "child"),
-        default="automatic",
-        help="where the line ends that each bone stands for: at its tail, or at the next bone's head",
-    )
-    command.add_argument(
-        "--stiffness",
-        metavar="S",
-        type=positive_number,
-        default=8.0,
-        help="how closely weights follow the nearest bone (8)",
-    )
-    command.add_argument(
-        "--resolution", metavar="N", type=positive_integer, default=128, help="voxels along the longest side (128)"
-    )
-    command.add_argument(
-        "--max-influences",
-        metavar="N",
-        type=positive_integer,
-        default=0,
-        help="the largest number of bones per vertex (no limit); with --check, what counts as too many (4)",
-    )
-    command.add_argument(
-        "--rigid-size",
-        metavar="S",
-        type=share,
-        default=0.02,
-        help="loose parts that are smaller than this share of the mesh's size do not bend (0.02; 0: all bend)",
-    )
-    command.add_argument(
-        "--rigid-follow",
-        choices=("attachment", "bone"),
-        default="attachment",
-        help="what those parts follow: the closest point of the rest of the mesh, or one bone (attachment)",
-    )
-    command.add_argument(
-        "--rigid-group",
-        metavar="NAME",
-        default="Rigid",
-        help="vertices in this vertex group do not bend: each connected piece of them is rigid (Rigid)",
-    )
+    arguments.add(command, weight_settings.AutomaticSettings)
 
 
-def add_bake(commands: Any) -> None:
-    command = add_command(commands, "bake", "write the shapes of every frame to files: point caches, or USD")
+def add_transfer(command: argparse.ArgumentParser) -> None:
+    add_file(command)
+    add_save(command)
+    for name, dest, text in (
+        ("--from", "sources", "the meshes to copy from, as one; may be repeated"),
+        ("--to", "targets", "the meshes to copy to; may be repeated"),
+    ):
+        command.add_argument(name, dest=dest, metavar="NAME,...", action="append", required=True, help=text)
+    arguments.add(command, weight_settings.TransferSettings)
+    command.add_argument(
+        "--add-modifier",
+        action="store_true",
+        help="parent targets that belong to no armature to that of the source, with an Armature modifier",
+    )
+    command.add_argument("--measure", action="store_true", help="change nothing: report what would be matched")
+
+
+def add_edit(command: argparse.ArgumentParser, settings: Any) -> None:
+    """Adds the arguments of an edit of the weights of meshes, one by one."""
+    add_file(command)
+    add_save(command)
+    add_objects(command, "which meshes", required=True)
+    arguments.add(command, settings)
+
+
+def add_reduce(command: argparse.ArgumentParser) -> None:
+    add_edit(command, weight_settings.ReduceSettings)
+    add_frames(
+        command, "the frames on which moves are measured (default: the scene's, at most 50 of them, evenly spread)"
+    )
+    command.add_argument(
+        "--test-poses",
+        action="store_true",
+        help="measure with each bone turned by 90 degrees, instead of frames; the default if nothing moves on them",
+    )
+    command.add_argument("--measure", action="store_true", help="change nothing: report how far vertices would move")
+
+
+def add_bake(command: argparse.ArgumentParser) -> None:
     add_file(command, "default: the file that is open; nothing is saved")
     command.add_argument(
         "-o",
@@ -190,46 +135,32 @@ def add_bake(commands: Any) -> None:
         required=True,
         help="made if it is missing",
     )
-    add_frames(command, "the frames of the whole bake (default: the scene's; if the first is negative, --frames=-5-10)")
+    add_frames(command, f"the frames of the whole bake ({NEGATIVE})")
     command.add_argument(
         "--chunk",
         metavar="A-B,...",
-        type=frames_by(bake_range.parse_chunk),
+        type=arguments.read_by(frame_range.parse_chunk),
         help="bake only these frames, into the same files as other processes",
     )
     add_objects(command, "which meshes (default: all visible ones with modifiers or shape keys)")
     command.add_argument(
         "--format", choices=job.FORMATS, default="pc2", help="point caches pc2 (the default) or mdd, or usd"
     )
-    command.add_argument(
-        "--until-subdivision", action="store_true", help="the shape before the first Subdivision Surface modifier"
-    )
-    command.add_argument(
-        "--usd-points", action="store_true", help="USD with points on each frame, even where a skeleton would do"
-    )
-    command.add_argument(
-        "--overwrite", action="store_true", help="replace what is there, finished or not; not with --chunk"
-    )
-    command.add_argument(
-        "--verify",
-        action="store_true",
-        help="bake nothing: exit with 0 if everything is baked and complete, else say what is missing",
-    )
+    for name, text in (
+        ("until-subdivision", "the shape before the first Subdivision Surface modifier"),
+        ("usd-points", "USD with points on each frame, even where a skeleton would do"),
+        ("overwrite", "replace what is there, finished or not; not with --chunk"),
+        ("verify", "bake nothing: exit with 0 if everything is baked and complete, else say what is missing"),
+    ):
+        command.add_argument(f"--{name}", action="store_true", help=text)
 
 
-def add_bake_to_bones(commands: Any) -> None:
-    command = add_command(
-        commands,
-        "bake-to-bones",
-        "make an armature with keyframes and meshes with weights that play what meshes do, whatever deforms them",
-    )
+def add_bake_to_bones(command: argparse.ArgumentParser) -> None:
     add_file(command)
     add_objects(command, "which meshes, for one armature (default: all visible ones with modifiers or shape keys)")
-    add_frames(command, "the frames to bake (default: the scene's; if the first is negative, --frames=-5-10)")
+    add_frames(command, f"the frames to bake ({NEGATIVE})")
     bones = command.add_mutually_exclusive_group()
-    bones.add_argument(
-        "--bones", metavar="N", type=positive_integer, default=20, help="the largest number of bones to find (20)"
-    )
+    arguments.add(bones, bake_options.FoundOptions, "bones")
     bones.add_argument(
         "--rig-bones",
         action="store_true",
@@ -240,18 +171,19 @@ def add_bake_to_bones(commands: Any) -> None:
         action="store_true",
         help="find neither bones nor weights: a skeleton for games with exactly the motion of a rig's deforming bones",
     )
-    to_bones_options.add_exact(command)
-    command.add_argument(
-        "--max-influences", metavar="N", type=positive_integer, default=4, help="the most bones per vertex (4)"
+    exact = command.add_argument_group("with --exact", argument_default=argparse.SUPPRESS)
+    exact.add_argument("--armature", metavar="NAME", help="the rig, if there are several armatures")
+    exact.add_argument(
+        "--all-actions",
+        dest="actions",
+        action="store_const",
+        const="*",
+        help="bake each action that moves the rig's bones, on its own frames, with the step of --frames (default: the "
+        "scene as it plays)",
     )
-    command.add_argument("--iterations", metavar="N", type=positive_integer, default=30, help="how many at most (30)")
-    command.add_argument(
-        "--tolerance",
-        metavar="S",
-        type=share,
-        default=1e-3,
-        help="stop when three iterations lower the error by less than this share of it (0.001)",
-    )
+    types = {"names": arguments.read_by(read_names), "gltf": os.path.abspath}
+    arguments.add(exact, bake_options.ExactOptions, types=types)
+    arguments.add(command, bake_options.FoundOptions, "max_influences", "iterations", "tolerance")
     command.add_argument(
         "--max-error",
         metavar="D",
@@ -262,8 +194,27 @@ def add_bake_to_bones(commands: Any) -> None:
     add_save(command)
 
 
-def add_bench(commands: Any) -> None:
-    command = add_command(commands, "bench", "how long a frame takes with Sinew and with Blender's Armature modifier")
+def add_rig(command: argparse.ArgumentParser) -> None:
+    command.add_argument("path", metavar="FILE.blend", type=blend_path)
+    command.add_argument("--object", metavar="NAME", help="which armature, if there are several")
+    command.add_argument("-o", "--output", metavar="FILE.json", type=os.path.abspath, help="where to write the rig")
+    command.add_argument(
+        "--skin", metavar="FILE.npz", type=os.path.abspath, help="where to write the weights of a mesh for this rig"
+    )
+    command.add_argument("--mesh", metavar="NAME", help="which mesh, if the armature deforms several")
+    command.add_argument(
+        "--check",
+        action="store_true",
+        help="compare what is computed with Blender, number by number; exit code 1 if the rig is refused or differs",
+    )
+    for name, count, text in (
+        ("frames", 20, "how many frames, from the scene's first (20)"),
+        ("random-poses", 5, "how many poses with random values (5)"),
+    ):
+        command.add_argument(f"--{name}", metavar="N", type=positive_integer, default=count, help=text)
+
+
+def add_bench(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "path",
         metavar="PATH",
@@ -279,34 +230,41 @@ def add_bench(commands: Any) -> None:
         help="how many frames, counted from the scene's first (40)",
     )
     command.add_argument("--method", dest="methods", choices=(*BLENDERS_METHODS, "both"), default="both")
-    add_output_kind(command, default="modifier")
+    arguments.add(command, file_options.ImportOptions, "output")
     add_file_options(command)
 
 
 def add_file_options(command: argparse.ArgumentParser) -> None:
-    group = command.add_argument_group("how to read a rig folder", argument_default=argparse.SUPPRESS)
-    group.add_argument("--mesh", metavar="FILE", help="the mesh's file, beside the skeleton (mesh.obj)")
-    group.add_argument(
-        "--weights",
-        metavar="FILE",
-        help="the weights' file (weights.dmat), or auto: made from the bones, as without a file",
-    )
-    group.add_argument("--pose", metavar="FILE", help="file of the poses (default: pose.dmat, else anim.dmat)")
-    group.add_argument(
-        "--convention",
-        choices=("auto", "bone", "joint"),
-        help="what a row of a .bf file stands for (auto: as the file says)",
-    )
-    group.add_argument(
-        "--quaternion-order", choices=("wxyz", "xyzw"), help="the order of the numbers in the poses (wxyz)"
-    )
+    arguments.add(command.add_argument_group("how to read a rig folder"), file_options.FileOptions)
 
 
-def add_output_kind(command: Any, **default: str) -> None:
-    command.add_argument(
-        "--output-kind",
-        dest="output",
-        choices=("modifier", "mesh"),
-        **default,
-        help="where the shape goes: through a modifier (the default), or also into a copy of the mesh",
-    )
+# What each command does, and the function that adds its arguments.
+COMMANDS: dict[str, tuple[str, Any]] = {
+    "info": ("what is in a rig folder, or which meshes of a .blend an armature deforms", add_info),
+    "import": ("make a .blend from a rig folder", add_import),
+    "export": ("write a character of a .blend as a rig folder", add_export),
+    "weights": (
+        "make weights for meshes from the bones of an armature; exit code 1 if any vertex has none",
+        add_weights,
+    ),
+    "weights transfer": ("copy weights to other meshes; exit code 1 if any vertex gets none", add_transfer),
+    "weights smooth": (
+        "smooth the weights of meshes along the edges of faces",
+        lambda command: add_edit(command, weight_settings.SmoothSettings),
+    ),
+    "weights mirror": (
+        "copy weights from one side of meshes to the other",
+        lambda command: add_edit(command, weight_settings.MirrorSettings),
+    ),
+    "weights reduce": (
+        "leave each vertex only so many bones; exit code 1 if any moves farther than the tolerance",
+        add_reduce,
+    ),
+    "bake": ("write the shapes of every frame to files: point caches, or USD", add_bake),
+    "bake-to-bones": (
+        "make an armature with keyframes and meshes with weights that play what meshes do, whatever deforms them",
+        add_bake_to_bones,
+    ),
+    "rig": ("write an armature as a rig that is computed without Blender, or check it", add_rig),
+    "bench": ("how long a frame takes with Sinew and with Blender's Armature modifier", add_bench),
+}

@@ -11,9 +11,10 @@ from ..host import contract
 from ..plan import bindable
 from ..profiling import costs
 from ..rig_files import rig_import
+from ..rig_files.file_options import FileOptions
 from ..run import characters
 from . import command_options
-from .option_types import word
+from .arguments import word
 
 BENCH_ROWS = (
     ("pose_ms", "pose + forward kinematics"),
@@ -25,7 +26,7 @@ BENCH_ROWS = (
 )
 
 
-def report_rig(path: str, options: rig_import.ImportOptions) -> tuple[dict[str, Any], str]:
+def report_rig(path: str, options: FileOptions) -> tuple[dict[str, Any], str]:
     folder, skeleton = os.path.split(path)
     rig = rig_import.read_rig(folder, skeleton, options)
     influences = np.count_nonzero(rig.weights > 0, axis=1)

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -10,12 +9,13 @@ import numpy as np
 
 from ..description import equality, reading
 from ..played import followers
-from ..rig_files import skin_export
+from ..rig_files import rig_export
+from .blend_files import chosen_armature, open_blend
 
 SHOWN = 3  # differences
 
 
-def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple[dict[str, Any], str, int]:
+def run(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
     """Returns a JSON document, the same as text, and the exit code: 1 if the rig is refused or computed differently."""
     open_blend(options.path)
     ob = chosen_armature(options.object)
@@ -33,9 +33,9 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
         document["output"] = options.output
         lines.append(f"written to {options.output}")
     if options.skin:
-        mesh = skin_export.mesh_to_export(bpy.context, ob, options.mesh)
+        mesh = rig_export.mesh_to_export(bpy.context, ob, options.mesh)
         with open(options.skin, "wb") as skin:
-            np.savez(skin, **skin_export.skin_of(bpy.context, mesh, ob))
+            np.savez(skin, **rig_export.skin_of(bpy.context, mesh, ob))
         document |= {"mesh": mesh.name, "skin": options.skin}
         lines.append(f"the skin of {mesh.name} written to {options.skin}")
     document["refused"] = refusals(read)
@@ -79,17 +79,3 @@ def refusals(read: reading.Reading) -> list[str]:
     except ValueError as error:
         return [str(error)]
     return []
-
-
-def chosen_armature(name: str | None) -> bpy.types.Object:
-    """Returns the armature object of that name, or without a name the only one. Raises ValueError."""
-    armatures = [ob for ob in bpy.data.objects if ob.type == "ARMATURE"]
-    names = ", ".join(ob.name for ob in armatures) or "none"
-    if name is None and len(armatures) == 1:
-        return armatures[0]
-    if name is None:
-        raise ValueError(f"choose an armature with --object NAME; those in the file: {names}")
-    found = next((ob for ob in armatures if ob.name == name), None)
-    if found is None:
-        raise ValueError(f"there is no armature {name}; those in the file: {names}")
-    return found

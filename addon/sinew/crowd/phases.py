@@ -16,6 +16,7 @@ from ..blender import meshes, values
 from ..deform.clips import MatrixClip, RotationClip
 from ..native import sinew_native
 from ..rig_files import rig_import
+from ..rig_files.file_options import ImportOptions
 from . import stride
 
 
@@ -138,9 +139,9 @@ def _counts(mesh):
 # --- of a rig folder ------------------------------------------------------------------------------
 
 
-def of_rig(path: str, options: rig_import.ImportOptions, count: int) -> Phases:
+def of_rig(path: str, options: ImportOptions, count: int) -> Phases:
     """Returns the Phases of a rig folder's poses, one pose per frame, by linear skinning in one native call. path: of
-    its skeleton; options: rig_import.ImportOptions; count: number of phases; 0: one per pose. Raises ValueError or
+    its skeleton; options: how it is imported; count: number of phases; 0: one per pose. Raises ValueError or
     OSError."""
     folder, skeleton_name = os.path.split(os.path.abspath(path))
     rig = rig_import.read_rig(folder, skeleton_name, options)

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..host import bone_numbers
+from ..host import bone_memory
 from .tables import bone_columns
 from .targets import Targets
 
@@ -39,7 +39,7 @@ OF_BEND = (  # what only B-bones need
 HANDLES = "bbone_custom_handle_start", "bbone_custom_handle_end"
 SCALED_BY = "bbone_handle_use_scale_start", "bbone_handle_use_scale_end"
 
-Stored = tuple[bone_numbers.Numbers, bone_numbers.Numbers] | None
+Stored = tuple[bone_memory.Numbers, bone_memory.Numbers] | None
 
 
 def column(collection: Any, name: str, width: int, kind: type) -> np.ndarray:
@@ -77,8 +77,8 @@ def bones_of(ob: bpy.types.Object, row: np.ndarray, stored: Stored, found: Targe
     if data is not None and any(curve.data_path.endswith(".use_deform") for curve in data.drivers):
         columns["use_deform"] = [True] * len(names)  # it may become one
     if stored is not None:
-        columns["parent"] = [names[i] if i >= 0 else None for i in bone_numbers.parents(stored[0])]
-        columns["has_constraints"] = bone_numbers.have_constraints(stored[0])
+        columns["parent"] = [names[i] if i >= 0 else None for i in bone_memory.parents(stored[0])]
+        columns["has_constraints"] = bone_memory.have_constraints(stored[0])
     else:
         columns["parent"] = [bone.parent and bone.parent.name for bone in posed]
         columns["has_constraints"] = [len(bone.constraints) > 0 for bone in posed]
@@ -116,7 +116,7 @@ def places_of(ob: bpy.types.Object) -> np.ndarray:
 
 def values_of(ob: bpy.types.Object, row: np.ndarray, stored: Stored) -> np.ndarray:
     """Returns B x N numbers in the order of the library's table of bone settings. row: as places_of returns it; stored:
-    as bone_numbers.read returns it."""
+    as bone_memory.read_numbers returns it."""
     found = np.empty((len(row), bone_columns()[-1][1].stop), np.float32)
     for name, own, is_of_rest in bone_columns():
         kind = bool if name.startswith(("lock_ik", "use_ik_limit")) else np.float32

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, spoken_paths, values
-from ..host import variables
+from ..host import driver_memory
 from . import curves, objects, rna_paths, strips, targets
 
 VARIABLES = {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}
@@ -96,7 +96,7 @@ def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -
     """Yields the rig's drivers."""
     for block, start in blocks_of(ob):
         own = animation.drivers_of(block)
-        for curve, row, read in zip(own, curves.rows_of(own), variables.read(own)):
+        for curve, row, read in zip(own, curves.rows_of(own), driver_memory.read_variables(own)):
             path = path_of(start, row["path"])
             if curve.mute or not curve.is_valid or animation.sets_nothing(block, curve):
                 continue
@@ -135,9 +135,9 @@ def is_wanted(ob: bpy.types.Object, path: str, found: targets.Targets) -> bool:
 
 
 def driver_of(
-    path: str, curve: bpy.types.FCurve, row: Any, own: variables.Variables, found: targets.Targets, outside: Outside
+    path: str, curve: bpy.types.FCurve, row: Any, own: driver_memory.Variables, found: targets.Targets, outside: Outside
 ) -> dict[str, Any]:
-    """row, own: of curves.rows_of and driver_variables.read. Raises Refused."""
+    """row, own: of curves.rows_of and driver_memory.read_variables. Raises Refused."""
     driver = curve.driver
     result: dict[str, Any] = {
         "path": path,
@@ -175,12 +175,12 @@ def driver_elsewhere(
 ) -> dict[str, Any]:
     """Returns the row of a driver of another data-block. path, index: what it sets, as the description names it. Raises
     Refused."""
-    (row,), (own,) = curves.rows_of([curve]), variables.read([curve])
+    (row,), (own,) = curves.rows_of([curve]), driver_memory.read_variables([curve])
     return driver_of(path, curve, row, own, found, outside) | {"index": index}
 
 
 def variable_of(
-    name: str, kind: str, read: list[variables.Target], found: targets.Targets, outside: Outside
+    name: str, kind: str, read: list[driver_memory.Target], found: targets.Targets, outside: Outside
 ) -> dict[str, Any]:
     if kind not in VARIABLES:
         kinds = bpy.types.DriverVariable.bl_rna.properties["type"].enum_items
@@ -208,7 +208,7 @@ def variable_of(
     return row
 
 
-def target_of(kind: str, target: variables.Target, found: targets.Targets, outside: Outside) -> dict[str, Any]:
+def target_of(kind: str, target: driver_memory.Target, found: targets.Targets, outside: Outside) -> dict[str, Any]:
     block: Any
     block, _path, bone, channel, space, mode = target
     if block == found.ob and bone and bone not in found.bones:

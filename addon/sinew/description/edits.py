@@ -10,8 +10,7 @@ import bpy
 import numpy as np
 
 from ..blender import animation, dependencies, values
-from ..host import bone_bytes as bone_bytes
-from ..host import bone_numbers, driver_bytes, keyframes, pose_settings
+from ..host import bone_memory, driver_memory, keyframes
 from . import bone_rows, curves, custom_properties, objects, reading, rna_paths, splines, strips, tables
 
 # Of a constraint, on each frame if they are animated, and by which names.
@@ -108,7 +107,7 @@ class Known:
     ) -> tuple[np.ndarray, list, dict[str, Any]]:
         """Returns the numbers of bones, the custom properties, and what comes from outside."""
         outside = self.outside.values(graph) | self.targets.matrices(graph)
-        known = self._places, bone_numbers.read(ob)
+        known = self._places, bone_memory.read_numbers(ob)
         return bone_rows.values_of(ob, *known), list(custom_properties.properties_of(seen, *known)), outside
 
     def _given_of_bones(self, ob: bpy.types.Object, before: np.ndarray) -> Iterator[tuple[str, Any]]:
@@ -172,14 +171,14 @@ def _state(ob: bpy.types.Object, moves: bool = False) -> Any:
     its custom properties, its keyframes, and what comes from outside. None if that cannot be told. moves: wherever its
     object is, too."""
     data = ob.animation_data
-    if not bone_bytes.can_read() or data is not None and data.use_tweak_mode:
+    if not bone_memory.can_read() or data is not None and data.use_tweak_mode:
         return None
-    bones_now = bone_bytes.read_bytes(ob.data), bone_bytes.read_handles(ob.data)
-    found: list[Any] = [pose_settings.read(ob), bones_now, strips.state_of(ob)]
+    bones_now = bone_memory.read_bytes(ob.data), bone_memory.read_handles(ob.data)
+    found: list[Any] = [bone_memory.read_settings(ob), bones_now, strips.state_of(ob)]
     for block in (ob, ob.data):
         own = animation.drivers_of(block)
         stored = keyframes.read(own)
-        found.append(driver_bytes.read(own, is_whole=True))
+        found.append(driver_memory.read_bytes(own, is_whole=True))
         found.append([(stored.settings(i), stored.keys(i).tobytes()) for i in range(len(own))])
         found.append([_modifiers_of(each) for i, each in enumerate(own) if not stored.is_local(i)])
     if None in found:

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..blender import animation, dependencies
-from ..host import bone_numbers
+from ..host import bone_memory
 from . import (
     bone_rows,
     constraints,
@@ -99,7 +99,7 @@ def read(
         found.refused.append("the IK solver is iTaSC: choose the standard one")
     if dependencies.constraints_of(ob):
         found.refused.append(f"{ob.name} itself has constraints: apply or remove them")
-    row, stored = bone_rows.places_of(ob), bone_numbers.read(ob)
+    row, stored = bone_rows.places_of(ob), bone_memory.read_numbers(ob)
     rows = bone_rows.bones_of(ob, row, stored, found)
     description = {
         "format": FORMAT,

@@ -7,12 +7,14 @@ A feature is lost if a member that it needs differs, or if what was read differs
 
 import ctypes
 import functools
-from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple, TypeVar
 
 import bpy
 
 from . import features, layout, members
+
+_T = TypeVar("_T")
 
 
 class Broken(RuntimeError):
@@ -43,6 +45,16 @@ def differences(structs: dict[str, layout.Struct]) -> list[str]:
 
 
 # --- of the running Blender -----------------------------------------------------------------------
+
+
+_kept: list[Any] = []
+
+
+def kept(function: Callable[..., _T]) -> "functools._lru_cache_wrapper[_T]":
+    """Decorates a function whose results follow from what is found out here: they are kept until `forget`."""
+    cached = functools.cache(function)
+    _kept.append(cached)
+    return cached
 
 
 class _Known(NamedTuple):
@@ -161,7 +173,7 @@ def forget() -> None:
     _known = None
     _losses += 1
     _compared.clear()
-    for function in (holds, offset, size, struct_size, plain_regions, unused_byte, place):
+    for function in _kept:
         function.cache_clear()
 
 
@@ -191,7 +203,7 @@ def _sentence(found: Sequence[str], lacking: Sequence[str]) -> str:
     )
 
 
-@functools.cache
+@kept
 def holds(kind: str, name: str) -> bool:
     """Whether a member is what Sinew expects."""
     try:
@@ -212,27 +224,27 @@ def _of(kind: str, name: str) -> layout.Struct:
     return known.structs[kind]
 
 
-@functools.cache
+@kept
 def offset(kind: str, name: str) -> int:
     """Returns the offset of a member in its struct, in bytes. Raises KeyError if it is not in the list, and Broken if
     it differs."""
     return _of(kind, name).offset(name)
 
 
-@functools.cache
+@kept
 def size(kind: str, name: str) -> int:
     """Returns the size of a member, in bytes. Raises what `offset` raises."""
     return _of(kind, name).members[name][2]
 
 
-@functools.cache
+@kept
 def struct_size(kind: str) -> int:
     """Returns the size of a struct, in bytes. Raises KeyError if it is not in the list."""
     members.MEMBERS[kind]
     return _look().structs[kind].size
 
 
-@functools.cache
+@kept
 def plain_regions(kind: str, *without: str) -> list[tuple[int, int]]:
     """Returns [(offset, size)] in bytes of all that a struct contains except addresses, and some members."""
     members.MEMBERS[kind]
@@ -256,7 +268,7 @@ def _plain(structs: dict[str, layout.Struct], kind: str, start: int, *without: s
             yield start + offset, size
 
 
-@functools.cache
+@kept
 def unused_byte(kind: str) -> int:
     """Returns the offset in a struct of a byte that Blender does not use. Raises KeyError if no feature needs one, and
     Broken if there is none."""
@@ -266,7 +278,7 @@ def unused_byte(kind: str) -> int:
     return found
 
 
-@functools.cache
+@kept
 def place() -> tuple[str, int]:
     """Returns the name of the member of Object that contains its matrix to world space, or the address that leads to
     it; and the member's offset in bytes. Raises what `offset` raises."""

@@ -1,17 +1,16 @@
 """Reads the shape keys of evaluated meshes, their values and coordinates, and silences them for an evaluation."""
 
 import ctypes
-import functools
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ..native import sinew_native
-from . import contract, features, proof, vector_arrays
+from . import contract, features, mesh_arrays, proof
 
 
-@functools.cache
+@contract.kept
 def key_layout() -> tuple[int, ...]:
     """Returns the byte offsets in a key of its flags, its value, the number of the key that it is relative to, the
     address of its points, and their number."""
@@ -34,7 +33,7 @@ def key_positions(address: int, count: int) -> np.ndarray | None:
     address = int(address)
     if ctypes.c_int32.from_address(address + total).value != count:
         return None
-    return vector_arrays.vectors_at(contract.address_at(address + data), count)
+    return mesh_arrays.vectors_at(contract.address_at(address + data), count)
 
 
 def values_of(keys: Any, numbers: Sequence[int]) -> tuple[float, ...]:

@@ -1,9 +1,8 @@
-"""Reads the stored keyframes of all F-curves of an action in one step."""
+"""Lists the actions that animate a data-block, and reads the keyframes of all F-curves of an action in one step."""
 
 import ctypes
-import functools
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,9 +12,48 @@ from . import contract, features, proof
 _MEMBERS = ("vec", "ipo", "easing", "back", "amplitude", "period")  # all that values between keyframes depend on
 _OF_CURVE = ("*bezt", "totvert", "*rna_path", "modifiers", "*fpt", "extend", "array_index", "flag")
 _IGNORED = 0b1111  # bits of a curve's flag: visible, selected, active, protected
+_ROUNDED = 1 << 11  # a bit of a curve's flag
 
 
-@functools.cache
+class Played(NamedTuple):
+    """An action that animates a data-block."""
+
+    action: Any
+    slot: Any  # of the action: the slot, its number, or None
+    holder: Any  # AnimData or NlaStrip
+    kind: str  # of the holder's struct
+    member: str  # of the holder's struct, which leads to the action
+
+
+def actions_of(block: Any) -> list[Played]:
+    """Returns the actions of a data-block: its own, the one that tweak mode has put aside, and those of NLA strips."""
+    data = block.animation_data
+    if data is None:
+        return []
+    found = [
+        Played(data.action, getattr(data, "action_slot", None), data, "AnimData", "*action"),
+        Played(
+            getattr(data, "action_tweak_storage", None),  # before 4.0 the API does not show it
+            getattr(data, "action_slot_handle_tweak_storage", None),
+            data,
+            "AnimData",
+            "*tmpact",
+        ),
+    ]
+    for track in data.nla_tracks:
+        for strip in _all_strips(track.strips):
+            found.append(Played(strip.action, getattr(strip, "action_slot", None), strip, "NlaStrip", "*act"))
+    return [each for each in found if each.action is not None]
+
+
+def _all_strips(strips: Iterable[Any]) -> Iterator[Any]:
+    """Yields strips, with those inside meta strips."""
+    for strip in strips:
+        yield strip
+        yield from _all_strips(strip.strips)
+
+
+@contract.kept
 def _layout() -> Any:
     """Returns the layout of F-curves, a sinew_native.host.CurveLayout."""
     vectors = contract.offset("BezTriple", "vec")  # of (handle, keyframe, handle), each (frame, value, 0)
@@ -26,9 +64,6 @@ def _layout() -> Any:
         vectors + 12,
         [(contract.offset("BezTriple", name), contract.size("BezTriple", name)) for name in _MEMBERS],
     )
-
-
-_ROUNDED = 1 << 11  # a bit of a curve's flag
 
 
 def is_rounded(curve: Any) -> bool:

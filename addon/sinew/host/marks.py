@@ -1,10 +1,18 @@
-"""Sets and reads marks: a byte that Blender does not use, in evaluated data-blocks. A mark is lost when Blender copies
-the block again, so a copy without one has been edited since it was last seen."""
+"""Sets and reads marks in evaluated data-blocks, to find out whether Blender has copied one again since it was seen.
+
+Of some kinds it is a byte that Blender does not use. A mark is lost when Blender copies the block again, so a copy
+without one has been edited.
+
+Of any kind it is the number of users. Blender counts users in originals only: it sets the number in an evaluated copy
+to 0 whenever it makes that copy, and does not touch it afterwards. So a number that is written there stays as long as
+the copy does. What animation and drivers set, they set in place. So only time has changed a copy that still has its
+mark.
+"""
 
 import ctypes
 from typing import Any
 
-from . import contract, members
+from . import contract, features, members, proof
 
 _SEEN = 0x53  # the value of a mark
 _STRUCT_OF = {"OBJECT": "Object", "MESH": "Mesh", "KEY": "Key", "ARMATURE": "bArmature", "ACTION": "bAction"}
@@ -48,3 +56,22 @@ def is_marked(block: Any, kind: str) -> bool:
 def clear_mark(block: Any, kind: str) -> None:
     if has_room(kind):
         _mark(block, kind).value = 0
+
+
+def _users(block: Any) -> ctypes.c_int32:
+    return ctypes.c_int32.from_address(contract.region(block, "ID", "us")[0])
+
+
+def mark_copy(copy: Any) -> None:
+    """Marks an evaluated data-block. Raises contract.Broken."""
+    if proof.is_due("users"):
+        original = copy.original
+        if _users(original).value != original.users or _users(copy).value not in (0, _SEEN):
+            raise contract.distrust(features.FREEZING, "the number of users is not where it was")
+        proof.give("users")
+    _users(copy).value = _SEEN
+
+
+def is_marked_copy(copy: Any) -> bool:
+    """Whether an evaluated data-block is the copy that was marked."""
+    return _users(copy).value == _SEEN

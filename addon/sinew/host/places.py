@@ -2,7 +2,6 @@
 it evaluates them: the API would count it as an edit."""
 
 import ctypes
-import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -26,7 +25,7 @@ class Row(NamedTuple):
     posed: Any = None  # an evaluated armature that does
 
 
-@functools.lru_cache(maxsize=1)
+@contract.kept
 def place_layout() -> tuple[int | None, int] | None:
     """Returns two byte offsets: of the pointer in an object that leads to its matrix to world space, or None if the
     object itself contains the matrix; and of the matrix, from the pointer's target or from the object. Returns None if
@@ -44,12 +43,6 @@ def place_layout() -> tuple[int | None, int] | None:
             return place
     contract.distrust(features.FAST_ARMATURES, "the matrices of objects to the world are not where they were")
     return None
-
-
-def forget() -> None:
-    """Discards the layouts. For tests."""
-    for function in (place_layout, _offset_of, _span, _native_layout):
-        function.cache_clear()
 
 
 def place_at(ob: Any) -> tuple[int, int]:
@@ -149,7 +142,7 @@ def prove(ob: Any, rows: Sequence[Row], channels: Sequence[Channel]) -> None:
     proof.give(channels, bool(is_same), "the places of objects are not where they were", features.MOVING)
 
 
-@functools.cache
+@contract.kept
 def _offset_of(path: str, index: int) -> int:
     for name, size in members.PLACE_CHANNELS[path].items():
         if 4 * index < size:
@@ -158,14 +151,14 @@ def _offset_of(path: str, index: int) -> int:
     raise IndexError(path)
 
 
-@functools.cache
+@contract.kept
 def _span() -> tuple[int, int]:
     names = ["parentinv", "rotmode", *(name for own in members.PLACE_CHANNELS.values() for name in own)]
     first = min(contract.offset("Object", name) for name in names)
     return first, max(contract.offset("Object", name) + contract.size("Object", name) for name in names) - first
 
 
-@functools.cache
+@contract.kept
 def _native_layout() -> Any:
     place = place_layout()
     if place is None or place[0] is None:

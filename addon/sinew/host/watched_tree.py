@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from . import actions, contract, features, key_blocks, marks
+from . import contract, features, key_blocks, keyframes, marks
 
 _ARMATURE_MODIFIER = "*object", "deformflag", "multi", "defgrp_name"
 # For each type of modifier: the feature that needs the members on which its stage depends.
@@ -40,7 +40,7 @@ class Tree:
     def _add_actions(self, block: Any, owner: int, voucher: int) -> None:
         """Adds the actions that animate a data-block: with other F-curves, they may change what was read of it. owner:
         number of its struct; voucher: which of its regions shows that it has the same animation data."""
-        for played in actions.of(block):
+        for played in keyframes.actions_of(block):
             link = self._add(
                 played.holder, [contract.region(played.holder, played.kind, played.member)], owner, voucher
             )
@@ -86,7 +86,7 @@ class Tree:
         posed = self._add(armature, [link, mode], owner, 0)
         flag = contract.region(data, "bArmature", "flag")
         mark = marks.mark_region(data, "ARMATURE")
-        if actions.of(data):  # a copy without the mark may have others
+        if keyframes.actions_of(data):  # a copy without the mark may have others
             self._add_actions(data, self._add(data, [flag, mark], posed, 0), 1)
         else:
             self._add(data, [flag], posed, 0)

@@ -217,7 +217,7 @@ def _sum_of_positions(mesh: bpy.types.Mesh) -> int:
 def switch_method(ob: bpy.types.Object, name: str) -> None:
     """Switches the skinning method of a bound mesh, and computes the data that it needs.
 
-    name: one of METHODS of properties.py: a method of the Armature modifier, or of methods.py. In a window the data is
+    name: one of deform/choices.py: a method of the Armature modifier, or of methods.py. In a window the data is
     computed in the background.
     """
     precomputing.cancel(ob)

@@ -9,9 +9,9 @@ from collections.abc import Collection, Iterable
 import bpy
 
 from ..blender import meshes, nodes, values
-from ..host import vector_arrays
+from ..host import mesh_arrays
 from ..plan import ways, wiring
-from ..run import afterwards, characters, graph_copy, mail
+from ..run import afterwards, characters, graph_copies, mail
 from . import deformed_copy
 
 log = logging.getLogger("sinew")
@@ -71,7 +71,7 @@ def _is_ours(depsgraph):
 
 def why_it_stays(ob: bpy.types.Object) -> str:
     """Returns why the deformed copy is not updated, as the end of a sentence, or ""."""
-    if ob.mode in graph_copy.EDITING:
+    if ob.mode in graph_copies.EDITING:
         return f"while {ob.name} is in {ob.mode.capitalize()} Mode"
     if not ob.visible_get():
         return f"while {ob.name} is hidden, because Blender does not evaluate it then"
@@ -89,7 +89,7 @@ def _follow_one(entry, ob, depsgraph):
         copy = deformed_copy.make(ob)
     deformed_copy.keep_in_place(copy, ob)
     evaluated = ob.evaluated_get(depsgraph)
-    if ob.mode in graph_copy.EDITING or not evaluated.is_evaluated:
+    if ob.mode in graph_copies.EDITING or not evaluated.is_evaluated:
         return
     seen = entry.copy_of(evaluated)
     shape = _shape_of(seen, ob, evaluated)
@@ -107,7 +107,7 @@ def _follow_one(entry, ob, depsgraph):
 def _shape_of(seen, ob, evaluated):
     """Returns the shape after Sinew's stages, as the viewport shows it, or None if it is not available.
 
-    (V, 3) float32; may refer to Blender's memory, so use it at once. seen: graph_copy.GraphCopy of the evaluated
+    (V, 3) float32; may refer to Blender's memory, so use it at once. seen: graph_copies.GraphCopy of the evaluated
     object.
     """
     plan = seen.plan or characters.of(ob).plan
@@ -122,7 +122,7 @@ def _shape_of(seen, ob, evaluated):
         return meshes.read_positions(ob.data)
     if plan.way.kind == ways.KEYS:
         return afterwards.shape_in_keys(evaluated)
-    return vector_arrays.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
+    return mesh_arrays.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
 
 
 def _is_shown(plan, evaluated):

@@ -21,7 +21,7 @@ SUFFIX = ".deformed"
 _copies: dict[int, bpy.types.Object] = {}  # key of a bound object -> its copy, which may have become invalid
 
 
-class OutputError(Exception):
+class OutputError(ValueError):
     """The object cannot have the output Mesh. The message gives the reason; nothing was changed."""
 
 

@@ -3,7 +3,7 @@
 import bpy
 
 from ..blender import meshes, nodes, values
-from ..host import contract, switches
+from ..host import contract, modifier_memory
 from ..plan import canvas_survey, mends, survey, tails, ways, wiring
 from ..run import characters, errors, switching
 from . import canvases
@@ -29,7 +29,7 @@ def adapt(ob: bpy.types.Object) -> None:
 
 
 def _adapt(ob):
-    switches.prove()
+    modifier_memory.prove()
     if not contract.trouble():
         switching.release_original(ob)
     carrier = wiring.carrier_of(ob)

@@ -11,11 +11,8 @@ from ..run import characters, mail
 
 def see_to() -> None:
     """Adds the groups or removes them: after a mesh was bound or released, a file was opened, and before saving."""
-    if _is_needed():
-        nodes.make_groups()
-    else:
-        nodes.let_groups_go()
-        mail.once_handlers_are_done(_forget)
+    follow()
+    mail.once_handlers_are_done(_forget)
 
 
 def _forget():

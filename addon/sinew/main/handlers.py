@@ -15,7 +15,7 @@ from ..chain import bone_editions
 from ..clips import posing
 from ..clips.clip_store import has_poses
 from ..feedback import notice
-from ..host import evaluations, graph_modes, places, pose_settings, switches
+from ..host import bone_memory, evaluations, modifier_memory, places
 from ..install import bind, canvases, deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
 from ..plan import canvas_survey, survey, ways, wiring
 from ..run import afterwards, characters, graph_copies, mail
@@ -107,7 +107,7 @@ def _pose_anew(scene, depsgraph):
 def _learn_graphs(depsgraph):
     """Finds how to tell renders from viewports. Runs of meshes whose modifiers are on in only one of them may then be
     longer."""
-    if graph_modes.learn(depsgraph):
+    if evaluations.learn_mode(depsgraph):
         for ob in characters.known():
             characters.of(ob).look_again()
             characters.of(ob).look(ob)
@@ -349,7 +349,7 @@ def _has_other_constraints(armatures):
     the order in which Blender evaluates bones."""
     has_others = False
     for ob in armatures:
-        key, now = values.key_of(ob), pose_settings.kinds_of_constraints(ob)
+        key, now = values.key_of(ob), bone_memory.kinds_of_constraints(ob)
         has_others |= _constraints.get(key) != now
         _constraints[key] = now
     return has_others
@@ -463,7 +463,7 @@ def take_over_open_file() -> None:
     _is_file_unknown = False
     memory_use.say_at_start()
     places.place_layout()
-    switches.prove()
+    modifier_memory.prove()
     for ob in characters.bound_objects():
         if old_files.is_old(ob):
             bind.bind_anew(ob)

@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 
 from ..feedback import notice
-from ..host import contract, features, places
+from ..host import contract, features
 from ..native import VERSION
 from . import addon_preferences, crash_files
 
@@ -50,7 +50,6 @@ def decide() -> None:
         contract.permit()
         if _watch is None:
             _watch = _begin_watch()
-    places.place_layout.cache_clear()
 
 
 def has_crashed() -> bool:

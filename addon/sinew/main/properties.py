@@ -15,51 +15,25 @@ from bpy.props import (
 )
 
 from ..chain import methods
+from ..deform import choices
 from ..install import bind, deformed_copy
 from ..install.deformed_copy import OutputError
 from ..install.old_files import SinewReplacedModifier
 from ..plan import wiring
 from ..run import characters, errors, in_pass
-from .skinning_properties import SinewSkinningSettings
 
-METHODS = (
-    ("LINEAR", "Linear", "Linear blend skinning: what the Armature modifier does by default"),
-    (
-        "DUAL_QUATERNION",
-        "Dual Quaternion",
-        "Dual quaternion skinning: keeps the volume of twisted and bent limbs, as the Armature "
-        "modifier does with Preserve Volume",
-    ),
-    # Methods that the Armature modifier does not have.
-    (
-        methods.BLENDED,
-        "Blended",
-        "Linear and dual quaternion skinning, mixed vertex by vertex by a share that can be painted",
-    ),
-    (
-        methods.CENTERS,
-        "Centers of Rotation",
-        "Each vertex turns about a center of its own, computed once from the weights: limbs neither collapse nor bulge",
-    ),
-    (
-        methods.MUSH,
-        "Direct Delta Mush",
-        "As if the mesh were smoothed after skinning and had got its detail back, computed once: soft joints, even "
-        "from rough weights",
-    ),
+OVERRIDE = {"LIBRARY_OVERRIDABLE"}  # an override of a linked character keeps its own settings
+LAPLACIANS = (
+    ("COTANGENT", "Cotangent", "Edges count by the angles across them, so that the shape does not depend on the mesh"),
+    ("UNIFORM", "Uniform", "All edges count alike: for meshes with bad triangles"),
 )
-SOURCES = (
-    ("CLIP", "Rig's Poses", "The poses that were imported with the rig; the armature follows them"),
-    ("ARMATURE", "Armature", "The armature as Blender poses it: keyframes, constraints, drivers, posing by hand"),
-)
-OUTPUT_ITEMS = (
-    ("MODIFIER", "Modifier", "Show the shape through a modifier: the mesh keeps its rest shape"),
-    (
-        "MESH",
-        "Mesh",
-        "Also write the shape on each frame into the vertices of a hidden copy of the object, for "
-        "scripts and exporters that read a mesh's vertices",
-    ),
+VARIANTS = (
+    ("0", "Full", "Ten numbers per vertex and bone: the full method"),
+    ("1", "Inverse Transpose", "Ten numbers, turned by the inverse transpose of the deformation, which shears"),
+    ("2", "Blended Quaternions", "Four numbers: translations of bones no longer turn the surface"),
+    ("3", "Blended Matrices", "Four numbers, turned by blended matrices"),
+    ("4", "Smoothed Center", "One number, turned about the smoothed rest position"),
+    ("5", "Smoothed Weights", "One number: linear skinning by smoothed weights"),
 )
 CLIP_MODES = (
     ("REST", "Rest", "The rest pose"),
@@ -69,8 +43,108 @@ CLIP_MODES = (
     ("PLAYBACK", "Playback", "One pose after the other with the frames of the scene"),
 )
 
-# An override of a linked character keeps its own settings.
-OVERRIDE = {"LIBRARY_OVERRIDABLE"}
+
+def _show(settings, _context):
+    ob = settings.id_data
+    if ob.sinew.is_bound:
+        characters.of(ob).look_again()
+        ob.update_tag()
+
+
+def _show_share(settings, context):
+    if settings.id_data.sinew.is_bound:
+        bind.follow_share(settings.id_data)
+    _show(settings, context)
+
+
+def _setting(kind, name, description, update=_show, **more):
+    """Returns the property of a setting of a method."""
+    return _property(kind, name, description, update=update, options=set(), **more)
+
+
+def _property(kind, name, description, **more):
+    return kind(name=name, description=description, override=OVERRIDE, **more)
+
+
+class SinewSkinningSettings(bpy.types.PropertyGroup):
+    """Settings of Sinew's own skinning methods and of its smoothing: `object.sinew.skinning`. None of them can be
+    animated, because the data of a method is computed once for all frames."""
+
+    # For the method Blended.
+    share: _setting(
+        FloatProperty,
+        "Share",
+        "For all vertices, if there is no vertex group: 0 is linear, 1 is dual quaternion skinning",
+        _show_share,
+        min=0.0,
+        max=1.0,
+        default=0.5,
+        subtype="FACTOR",
+    )
+    share_group: _setting(
+        StringProperty,
+        "Share",
+        "Vertex group that holds the share of dual quaternion skinning; it can be painted",
+        _show_share,
+    )
+    share_invert: _setting(BoolProperty, "Invert", "Weight 1 is linear, 0 is dual quaternion skinning")
+
+    # For Centers of Rotation.
+    sigma: _setting(
+        FloatProperty,
+        "Width",
+        "How different the weights of two vertices may be for one to count for the center of the other",
+        min=0.001,
+        max=10.0,
+        default=0.1,
+    )
+
+    # For Direct Delta Mush.
+    smoothing: _setting(
+        FloatProperty, "Smoothing", "How far the shape is smoothed on each iteration", min=0.0, max=1000.0, default=3.0
+    )
+    weight_smoothing: _setting(
+        FloatProperty, "Weights", "How far weights are smoothed on each iteration", min=0.0, max=1000.0, default=1.0
+    )
+    blend: _setting(
+        FloatProperty,
+        "Blend",
+        "How much of the translation comes from smoothed weights alone: less bulging at 1",
+        min=0.0,
+        max=1.0,
+        default=0.8,
+        subtype="FACTOR",
+    )
+    iterations: _setting(
+        IntProperty, "Iterations", "How many times shape and weights are smoothed", min=0, max=200, default=20
+    )
+    laplacian: _setting(EnumProperty, "Laplacian", "How the edges of the mesh are weighted", items=LAPLACIANS)
+    variant: _setting(
+        EnumProperty, "Variant", "How much is kept for each vertex: less is faster and rougher", items=VARIANTS
+    )
+
+    # For smoothing after any method.
+    smooth_iterations: _setting(
+        IntProperty,
+        "Iterations",
+        "How many times the deformed shape is smoothed before the detail of the rest shape is put back (delta mush), "
+        "as a Corrective Smooth modifier does; 0 switches this off",
+        min=0,
+        max=200,
+        default=0,
+    )
+    smooth_factor: _setting(
+        FloatProperty, "Factor", "How far each iteration smooths", min=0.0, max=1.0, default=0.5, subtype="FACTOR"
+    )
+    smooth_group: _setting(StringProperty, "Group", "Vertex group that says what is smoothed, and how much")
+    smooth_invert: _setting(BoolProperty, "Invert", "Smooth what is not in the group")
+
+    data: PointerProperty(
+        type=bpy.types.Text,
+        options={"HIDDEN"},
+        override=OVERRIDE,
+        description="What the method has computed, kept in the file",
+    )
 
 
 def _apply_output(settings, _context):
@@ -99,14 +173,14 @@ def _apply_clip(settings, _context):
 
 def _read_method(settings):
     if settings.own_method in methods.OWN:
-        return [name for name, *_texts in METHODS].index(settings.own_method)
+        return [name for name, *_texts in choices.METHODS].index(settings.own_method)
     modifier = settings.modifier
     return int(modifier is not None and modifier.use_deform_preserve_volume)
 
 
 def _write_method(settings, number):
     if settings.modifier is not None:
-        bind.switch_method(settings.id_data, METHODS[number][0])
+        bind.switch_method(settings.id_data, choices.METHODS[number][0])
 
 
 def _deform_now(settings):
@@ -118,33 +192,29 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     """Settings of a mesh object, `object.sinew`. What an Armature modifier can define is set in the modifier itself."""
 
     method: EnumProperty(
-        items=METHODS,
+        items=choices.METHODS,
         name="Method",
         description="How the joints' motions are blended. The first two are the Armature modifier's",
         get=_read_method,
         set=_write_method,
     )
-    source: EnumProperty(
-        items=SOURCES,
-        name="Pose",
-        description="Where the pose comes from",
+    source: _property(
+        EnumProperty,
+        "Pose",
+        "Where the pose comes from",
+        items=choices.SOURCES,
         default="ARMATURE",
         update=_apply_source,
-        override=OVERRIDE,
     )
-    output: EnumProperty(
-        items=OUTPUT_ITEMS,
-        name="Output",
-        description="Where the deformed positions go",
-        update=_apply_output,
-        override=OVERRIDE,
+    output: _property(
+        EnumProperty, "Output", "Where the deformed positions go", items=choices.OUTPUTS, update=_apply_output
     )
-    show_shape: BoolProperty(
-        name="Deform",
+    show_shape: _property(
+        BoolProperty,
+        "Deform",
+        "With the output Mesh: write the deformed shape into the copy. If off, the copy has the rest shape",
         default=True,
         update=_apply_show_shape,
-        override=OVERRIDE,
-        description="With the output Mesh: write the deformed shape into the copy. If off, the copy has the rest shape",
     )
 
     skinning: PointerProperty(type=SinewSkinningSettings, name="Skinning", override=OVERRIDE)
@@ -152,7 +222,7 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     # Set by bind.py, not by the user.
     own_method: StringProperty(options={"HIDDEN"}, override=OVERRIDE)  # of methods.OWN; "": the modifier's
     is_bound: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
-    installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"}, override=OVERRIDE)
+    installed_output: EnumProperty(items=choices.OUTPUTS, options={"HIDDEN"}, override=OVERRIDE)
     has_added_modifier: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     needs_attribute: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)  # or a canvas, and Sinew's own modifier
     canvas: PointerProperty(type=bpy.types.Object, options={"HIDDEN"}, override=OVERRIDE)  # see canvases.py
@@ -209,42 +279,24 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
 class SinewClipSettings(bpy.types.PropertyGroup):
     """Settings of an armature object, `object.sinew_clip`: how the imported poses play."""
 
-    mode: EnumProperty(
-        items=CLIP_MODES,
-        name="Mode",
-        description="Which of the rig's poses is shown",
-        update=_apply_clip,
-        override=OVERRIDE,
-    )
-    factor: FloatProperty(
-        name="Factor",
-        description="0 is the first pose, 1 the last",
+    mode: _property(EnumProperty, "Mode", "Which of the rig's poses is shown", items=CLIP_MODES, update=_apply_clip)
+    factor: _property(
+        FloatProperty,
+        "Factor",
+        "0 is the first pose, 1 the last",
         min=0.0,
         max=1.0,
         default=1.0,
         subtype="FACTOR",
         update=_apply_clip,
-        override=OVERRIDE,
     )
-    frame_start: FloatProperty(
-        name="Start Frame",
-        description="The scene's frame that shows the first pose",
-        default=1.0,
-        update=_apply_clip,
-        override=OVERRIDE,
+    frame_start: _property(
+        FloatProperty, "Start Frame", "The scene's frame that shows the first pose", default=1.0, update=_apply_clip
     )
-    speed: FloatProperty(
-        name="Speed",
-        description="Poses per frame",
-        default=1.0,
-        soft_min=-4.0,
-        soft_max=4.0,
-        update=_apply_clip,
-        override=OVERRIDE,
+    speed: _property(
+        FloatProperty, "Speed", "Poses per frame", default=1.0, soft_min=-4.0, soft_max=4.0, update=_apply_clip
     )
-    loop: BoolProperty(
-        name="Loop", description="Begin again after the last pose", default=True, update=_apply_clip, override=OVERRIDE
-    )
+    loop: _property(BoolProperty, "Loop", "Begin again after the last pose", default=True, update=_apply_clip)
 
 
 CLASSES = (SinewReplacedModifier, SinewSkinningSettings, SinewObjectSettings, SinewClipSettings)

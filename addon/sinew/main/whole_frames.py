@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..blender import values
-from ..run import characters, standing_aside
+from ..run import characters, switching
 
 BLOCK = 10  # consecutive frames that are played with one of the two before the other's turn
 MOST_FRAMES = 40  # with each of the two
@@ -66,7 +66,7 @@ def measure(scene: Any, progress: Any, without: Callable[[], AbstractContextMana
             progress.step(first / MOST_FRAMES, "measuring frames")
             block = frames[first : first + BLOCK]
             sinew += frame_times(scene, block)
-            with standing_aside.StandAside(), without():
+            with switching.StandAside(), without():
                 blender += frame_times(scene, block)
     finally:
         for ob in characters.bound_objects():

@@ -9,8 +9,8 @@ import threading
 from typing import Any, NamedTuple
 
 from ..blender import animation, spoken_paths
-from ..host import actions, driver_bytes, marks
-from . import driver_variables, drivers, wiring
+from ..host import driver_memory, keyframes, marks
+from . import driven, drivers, wiring
 
 _NAME = r'\["(?:[^"\\]|\\.)*"\]'
 # By kind of data-block, in which a mark has the same name: properties that are read on each frame, or that make no
@@ -74,7 +74,7 @@ _found: dict[tuple[int, str], tuple[bytes, _Found]] = {}  # by the address of a 
 
 def _found_in(own: Any, block: Any, kind: str) -> _Found:
     """Looks at the drivers of a data-block again only if they have changed: a large rig has hundreds."""
-    now = driver_bytes.read(own)
+    now = driver_memory.read_bytes(own)
     if now is None:
         return _look_at(own, kind)
     key = block.as_pointer(), kind
@@ -150,7 +150,7 @@ def _given_to(driver: Any) -> str:
     names = [variable.name for variable in driver.variables]
     if re.search(r"\bdepsgraph\b", driver.expression) and "depsgraph" not in names:
         return "all evaluated data (depsgraph)"
-    return next((f"data ({each.name})" for each in driver.variables if driver_variables.is_data(each)), "")
+    return next((f"data ({each.name})" for each in driver.variables if driven.is_data_variable(each)), "")
 
 
 # --- in evaluated copies --------------------------------------------------------------------------
@@ -185,7 +185,7 @@ def _of_copy(block: Any, kind: str) -> Any:
         return None
     address = block.as_pointer()
     with _lock:
-        played = {each.action.as_pointer(): each.action for each in actions.of(block)}
+        played = {each.action.as_pointer(): each.action for each in keyframes.actions_of(block)}
         edited = {at for at, action in played.items() if not marks.test_and_mark(action, "ACTION")}
         if edited:  # they may animate other data-blocks, too
             for other in [each for each, (theirs, _found) in _known.items() if not edited.isdisjoint(theirs)]:

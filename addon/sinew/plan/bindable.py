@@ -6,7 +6,7 @@ from ..blender import animation, armatures, meshes
 from . import survey, ways, wiring
 
 
-class BindingError(Exception):
+class BindingError(ValueError):
     """The mesh cannot be bound. The message gives the reason; nothing was changed."""
 
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..host import bindings, contract, features
+from ..host import cage_memory, contract, features
 from . import runs, wiring
 
 
@@ -37,7 +37,7 @@ def _points_to(modifier: Any, ob: Any) -> bool:
 
 
 # For the types of modifiers that have to be bound.
-COUNTS = {"MESH_DEFORM": bindings.mesh_counts, "SURFACE_DEFORM": bindings.surface_counts}
+COUNTS = {"MESH_DEFORM": cage_memory.mesh_counts, "SURFACE_DEFORM": cage_memory.surface_counts}
 
 
 def _why_not_bound(ob: Any, modifier: Any) -> str:

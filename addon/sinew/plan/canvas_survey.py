@@ -6,7 +6,7 @@ from typing import NamedTuple
 import bpy
 
 from ..blender import animation, modifier_types, modifiers, nodes, values
-from ..host import modifier_bytes
+from ..host import modifier_memory
 from .situation import Tail
 
 BOTH = (True, True)
@@ -94,7 +94,7 @@ def has_modifiers_of(
         name in ob.modifiers
         and copy.type == ob.modifiers[name].type
         and modifiers.settings_of(copy) == {**modifiers.settings_of(ob.modifiers[name]), **hidden(shown)}
-        and modifier_bytes.read(copy) == modifier_bytes.read(ob.modifiers[name])
+        and modifier_memory.read_settings(copy) == modifier_memory.read_settings(ob.modifiers[name])
         for copy, name in zip(copies, names)
     )
 
@@ -107,7 +107,7 @@ def hidden(shown: tuple[bool, bool]) -> dict[str, bool]:
 
 def why_not_in_front(modifier: bpy.types.Modifier) -> str:
     """Returns why Sinew cannot begin with the result of a modifier of FRONTS, a clause, or ""."""
-    if not modifier_bytes.can_copy():
+    if not modifier_memory.can_copy():
         return "Sinew cannot copy it in this Blender"
     if any(isinstance(value, bpy.types.ID) for value in modifiers.settings_of(modifier).values()):
         return "it depends on another object"

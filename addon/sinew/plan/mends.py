@@ -45,7 +45,8 @@ def needed(plan: Plan, situation: Situation, newcomers: Collection[int]) -> tupl
         found.append(Mend(RELEASE_CANVAS, is_blocking=plan.way.kind == ways.ATTRIBUTE))
     if _has_own_for_nothing(plan, situation, moved):
         found.append(Mend(TAKE_OWN_AWAY))
-    if moved or _are_before_own(situation, newcomers):  # even if none moves: applying clears newcomers
+    # Even if none moves: applying clears newcomers.
+    if moved or any(modifier.identity in newcomers for modifier in _before_own(situation)):
         found.append(Mend(MOVE_DISPLACED, moved))
     if plan.way.has_own:
         if own is None or not _is_first(plan, situation):
@@ -154,11 +155,6 @@ def _has_own_for_nothing(plan: Plan, situation: Situation, moved: tuple[str, ...
         is_between = any(modifier.is_mixed for modifier in following)
         return is_between or bool(moved) or situation.has_attribute
     return not own.is_fixed
-
-
-def _are_before_own(situation: Situation, newcomers: Collection[int]) -> bool:
-    """Whether a modifier that has just been added is before Sinew's."""
-    return any(modifier.identity in newcomers for modifier in _before_own(situation))
 
 
 def _displaced(situation: Situation, newcomers: Collection[int]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ class Driven:
     """One setting of a modifier that a driver sets."""
 
     name: str  # of the property
-    variables: tuple[Any, ...] = ()  # of its driver, each as returned by driver_variables.description
+    variables: tuple[Any, ...] = ()  # of its driver, each as returned by driven.variable_description
     trouble: str = ""  # why Sinew cannot evaluate its driver, a clause
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, armatures, meshes, modifier_types, nodes, values
-from ..host import contract, features, graph_modes, vector_arrays
+from ..host import contract, evaluations, features, mesh_arrays
 from . import animated, cages, canvas_survey, driven, fronts, mends, plans, runs, tails, ways, wiring
 from .situation import Hook, Keys, Modifier, Situation
 
@@ -90,7 +90,9 @@ def _read(
         tail=around.tail,
         is_followed=around.is_followed,
         generated_in=around.generated_in,
-        deforming_parent=_deforming_parent(original),
+        deforming_parent=(
+            "" if original.parent is None or original.parent_type in PLACING_PARENTS else original.parent.name
+        ),
         moves_against_armature=moves_against_armature,
         weights_follow_shape=asks_for_shape and weights_follow_shape(original, names),
         wants_more=wants_more(original.sinew),
@@ -104,7 +106,7 @@ def _read(
         key_trouble=contract.why_not(features.KEYS),
         attribute_trouble=contract.why_not(features.ATTRIBUTES),
         animation_trouble=_animation_trouble(original),
-        tells_renders=graph_modes.is_known(),
+        tells_renders=evaluations.is_mode_known(),
         **more,
     )
     tail = ways.tail_of(found)
@@ -277,7 +279,7 @@ def why_not_bound(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> str:
         return ""
     if not contract.has(features.BOUND):
         return ""
-    return runs.why_not_bound(vector_arrays.bound_count(modifier), len(ob.data.vertices))
+    return runs.why_not_bound(mesh_arrays.bound_count(modifier), len(ob.data.vertices))
 
 
 def waits_for_targets(ob: bpy.types.Object, plan: plans.Plan) -> bool:
@@ -335,11 +337,6 @@ def _keys(ob: bpy.types.Object, keys: bpy.types.Key | None) -> Keys | None:
     if keys is None:
         return None
     return Keys(values.key_of(keys), len(keys.key_blocks), keys.use_relative, ob.show_only_shape_key)
-
-
-def _deforming_parent(ob: bpy.types.Object) -> str:
-    """Returns the name of the parent if it deforms the mesh directly, before any modifier, or ""."""
-    return "" if ob.parent is None or ob.parent_type in PLACING_PARENTS else ob.parent.name
 
 
 def weights_follow_shape(ob: bpy.types.Object, taken: Iterable[str]) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, dependencies, meshes, modifier_types, modifiers, nodes
-from ..host import deform_verts, modifier_bytes, switches
+from ..host import deform_verts, modifier_memory
 
 # Without one of these it is not worth the search for a bake: the others cost Blender little.
 _DEAR = {"ARRAY", "EDGE_SPLIT", "MIRROR", "SUBSURF"}
@@ -112,7 +112,7 @@ def why_not(modifier: Any, is_animated: bool) -> str:
     kind = modifier.type
     if kind not in modifier_types.TAILS:
         return "its result is no weighted sum of the vertices before it"
-    if not modifier_bytes.can_copy():
+    if not modifier_memory.can_copy():
         return "Sinew cannot copy it in this Blender"
     if is_animated:
         return "it is animated"
@@ -123,7 +123,7 @@ def why_not(modifier: Any, is_animated: bool) -> str:
 def why_not_for_now(modifier: Any) -> str:
     """Returns why the result of a modifier of an original object is not only its vertices, or not there, a clause, or
     ""."""
-    if modifier.type in modifier_types.TAILS and switches.can_put_aside() and switches.is_aside(modifier):
+    if modifier.type in modifier_types.TAILS and modifier_memory.can_put_aside() and modifier_memory.is_aside(modifier):
         return "an exporter has switched it off for a while"
     if modifier.type == "TRIANGULATE" and modifier.keep_custom_normals:
         return "it keeps normals, which depend on the shape: switch Keep Normals off"

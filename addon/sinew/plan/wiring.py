@@ -20,8 +20,8 @@ import bpy
 import numpy as np
 
 from ..blender import animation, dependencies, meshes, values
-from ..host import driver_bytes
-from . import driver_variables
+from ..host import driver_memory
+from . import driven
 
 HOOK = "sinew.deform_now"
 CALLS = "deform"  # the variable that reads it
@@ -138,7 +138,7 @@ def hook_variables(
                 switches.append(("OBJECT", ob, curve.data_path))
             else:
                 copied += curve.driver.variables
-    wanted[:0] = [(f"{driver_variables.COPIED}{i}", "COPY", variable, "") for i, variable in enumerate(copied)]
+    wanted[:0] = [(f"{driven.COPIED}{i}", "COPY", variable, "") for i, variable in enumerate(copied)]
     wanted += [(f"switch{i}", *variable) for i, variable in enumerate(switches)]
     if canvas is None:
         wanted.append(("mesh", "MESH", mesh, WAITS_FOR_MESH))
@@ -292,16 +292,21 @@ def waits_of(hook: bpy.types.FCurve) -> Waits:
         return any(name not in bones for name in names)
 
     has_lost_target = found.lacks_block or any(lacks_any(*each) for each in found.bones.items())
-    driven = tuple(driver_variables.description(variables[number]) for number in found.copies)
-    return Waits(found.targets, has_lost_target, found.awaited, driven)
+    described = tuple(driven.variable_description(variables[number]) for number in found.copies)
+    return Waits(found.targets, has_lost_target, found.awaited, described)
 
 
 def _variables_of(hook: bpy.types.FCurve) -> _Variables:
     variables, owner = hook.driver.variables, hook.id_data.as_pointer()
-    now = driver_bytes.digest_of_variables(hook.driver)
+    now = driver_memory.digest_of_variables(hook.driver)
     before, found = _variables.get(owner, (None, None))
     # The addresses of data-blocks are in the digest, but another one may be at the same address by now.
-    if now is None or found is None or before != now or not _are_read(found.blocks, variables):
+    if (
+        now is None
+        or found is None
+        or before != now
+        or not all(key == values.key_of(variables[number].targets[0].id) for key, number in found.blocks.items())
+    ):
         found = _read_variables(variables)
         if now is not None:
             if len(_variables) >= MOST_KNOWN:
@@ -310,18 +315,13 @@ def _variables_of(hook: bpy.types.FCurve) -> _Variables:
     return found
 
 
-def _are_read(blocks: dict[int, int], variables: Any) -> bool:
-    """Whether these variables read these data-blocks, as in _Variables."""
-    return all(key == values.key_of(variables[number].targets[0].id) for key, number in blocks.items())
-
-
 def _read_variables(variables: Any) -> _Variables:
     blocks: dict[int, int] = {}
     bones: dict[int, list[str]] = {}
     keys: dict[Any, int] = {}
     awaited, targets, copies, lacks_block = set(), set(), [], False
     for number, variable in enumerate(variables):
-        if driver_variables.is_copy(variable):
+        if driven.is_copied(variable):
             copies.append(number)
             continue
         target = variable.targets[0]
@@ -407,7 +407,7 @@ def wire(
 def _described(wanted: Iterable[tuple[str, str, Any, str]]) -> list[tuple[Any, ...]]:
     """Returns the variables of `hook_variables` without their names, with the description of those that are copies."""
     return [
-        ("COPY", driver_variables.description(block), "") if kind == "COPY" else (kind, block, place)
+        ("COPY", driven.variable_description(block), "") if kind == "COPY" else (kind, block, place)
         for _name, kind, block, place in wanted
     ]
 
@@ -417,8 +417,8 @@ def _present(hook: bpy.types.FCurve) -> list[tuple[Any, ...]]:
     found: list[tuple[Any, ...]] = []
     for variable in hook.driver.variables:
         target = variable.targets[0]
-        if driver_variables.is_copy(variable):
-            found.append(("COPY", driver_variables.description(variable), ""))
+        if driven.is_copied(variable):
+            found.append(("COPY", driven.variable_description(variable), ""))
         elif variable.type == "TRANSFORMS":
             is_ours = target.transform_space == animation.WAITING  # not so in files of earlier versions
             found.append(("BONE" if is_ours else "", target.id, target.bone_target))

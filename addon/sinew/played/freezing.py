@@ -28,7 +28,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, dependencies, values
-from ..host import actions, contract, evaluations, features, poses, relations
+from ..host import contract, evaluations, features, keyframes, poses, relations
 from ..plan import wiring
 from ..run import mail
 from . import changes, computing, followers, reasons, rigs, watch
@@ -189,7 +189,7 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
     idle = {block for rig in chosen for block in (rig.ob, rig.ob.data)}
     driven = [curve for rig in chosen for curve in rig.followers.drivers() if curve.id_data not in idle]
     for rig in chosen:
-        played = [each.action for each in actions.of(rig.ob)]
+        played = [each.action for each in keyframes.actions_of(rig.ob)]
         rig.actions = [each for each in played if each.evaluated_get(graph).is_evaluated] or rig.actions
 
     def mark() -> None:
@@ -427,7 +427,7 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
 def _tag_relations(graph: Any, own: Sequence[rigs.Rig]) -> None:
     """Has Blender build the relations of a graph because of these armatures, unless it has just done so, with all
     keyframes."""
-    if evaluations.are_new((each.action for rig in own for each in actions.of(rig.ob)), graph):
+    if evaluations.are_new((each.action for rig in own for each in keyframes.actions_of(rig.ob)), graph):
         return
     tagged = relations.tag()
     watch.expect(graph, [tagged, *bpy.data.collections, *bpy.data.scenes])

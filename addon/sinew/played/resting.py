@@ -4,7 +4,7 @@ as long as Blender does for several frames, so one that has to be read too often
 from dataclasses import dataclass
 from typing import Any
 
-from ..host import actions, evaluations
+from ..host import evaluations, keyframes
 
 FRAMES_OF_A_READING = 8  # that are played without an edit until it has paid
 MOST_DEBT = 3 * FRAMES_OF_A_READING
@@ -48,5 +48,5 @@ class Rest:
 def is_edited(ob: Any, graph: Any) -> bool:
     """Whether somebody has edited a live armature object since the last evaluation. Call it before one: time tags it,
     too."""
-    blocks = [ob, ob.data, *(each.action for each in actions.of(ob) if each.action is not None)]
+    blocks = [ob, ob.data, *(each.action for each in keyframes.actions_of(ob) if each.action is not None)]
     return any(evaluations.is_tagged(each.evaluated_get(graph)) for each in blocks)

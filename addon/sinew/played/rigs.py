@@ -12,7 +12,7 @@ import numpy as np
 
 from ..blender import dependencies, values
 from ..blender.values import is_alive
-from ..host import actions, evaluations, key_blocks, poses
+from ..host import evaluations, key_blocks, keyframes, poses
 from ..host.places import Channel
 from . import followers, places, records, settings
 from .followers import Followers
@@ -298,7 +298,7 @@ def _has_lost_keys(rig: Rig, evaluated: Any, graph: Any) -> bool:
         return False
     if data.action is None and not len(data.nla_tracks):
         return True
-    played = [each.action for each in actions.of(rig.ob)]
+    played = [each.action for each in keyframes.actions_of(rig.ob)]
     return bool(played) and not any(each.evaluated_get(graph).is_evaluated for each in played)
 
 

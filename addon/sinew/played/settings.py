@@ -11,10 +11,10 @@ import bpy
 
 from ..blender import animation, spoken_paths
 from ..description import curves, custom_properties, rna_paths
-from ..host import constraint_values, poses
+from ..host import bone_memory, poses
 
 _OF_CONSTRAINT = re.compile(
-    rf"(pose\.bones{spoken_paths.NAME}\.constraints{spoken_paths.NAME})\.({'|'.join(constraint_values.SETTERS)})$"
+    rf"(pose\.bones{spoken_paths.NAME}\.constraints{spoken_paths.NAME})\.({'|'.join(bone_memory.SETTERS)})$"
 )
 
 
@@ -40,7 +40,7 @@ def of(ob: Any, description: dict[str, Any]) -> tuple[list[Setting], bool]:
         bone, match = rna_paths.BONE.match(path), _OF_CONSTRAINT.match(path)
         if path in single and path.endswith('"]'):
             found.append(Setting(path, *custom_properties.owner_and_name(path)))
-        elif match is not None and constraint_values.can_set():
+        elif match is not None and bone_memory.can_set_constraints():
             owner, *names, name = match.groups()
             if tuple(map(bpy.utils.unescape_identifier, names)) in constraints:
                 found.append(Setting(path, owner, name, True))
@@ -63,6 +63,6 @@ def write(ob: Any, settings: Sequence[Setting], values: Sequence[float], before:
             continue
         owner = ob.path_resolve(setting.owner) if setting.owner else ob
         if setting.of_constraint:
-            constraint_values.SETTERS[setting.name](owner, value)
+            bone_memory.SETTERS[setting.name](owner, value)
         else:
             owner[setting.name] = type(owner[setting.name])(value)

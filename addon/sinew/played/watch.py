@@ -2,7 +2,7 @@
 
 A pose is a function of time and of evaluated copies: of the armature, of what its constraints and drivers read, of what
 those use in turn, and so on, as Blender itself lists who uses whom. Time changes a copy in place. Before anything else
-does, Blender copies the data-block again, and the copy has no mark (host/copies.py). So there is no list of settings
+does, Blender copies the data-block again, and the copy has no mark (host/marks.py). So there is no list of settings
 that matter: a record holds as long as all marks are there.
 
 The actions of an idle armature have no copy. Of these, what is stored is compared when they were tagged
@@ -15,7 +15,7 @@ import bpy
 
 from ..blender import animation, dependencies, values
 from ..blender.values import is_alive
-from ..host import copies, driver_bytes, evaluations, key_blocks, keyframes
+from ..host import driver_memory, evaluations, key_blocks, keyframes, marks
 from .keys import keys_of
 
 _WITHOUT_COPY = (bpy.types.Curve, bpy.types.Key, bpy.types.Object)
@@ -85,11 +85,11 @@ class Watch:
                     ):
                         return False
                 elif key in expected:
-                    copies.mark(copy)
-                elif not copies.is_marked(copy):
+                    marks.mark_copy(copy)
+                elif not marks.is_marked_copy(copy):
                     if key not in self._states or not _are_equal(_state_of(block), self._states[key]):
                         return False
-                    copies.mark(copy)
+                    marks.mark_copy(copy)
         except ReferenceError:  # it no longer exists
             return False
         return True
@@ -106,7 +106,7 @@ class Watch:
             if self.action is None:
                 return False
             copy = self.action.evaluated_get(graph)
-            return not copies.is_marked(copy) if copy.is_evaluated else evaluations.is_tagged(self.action)
+            return not marks.is_marked_copy(copy) if copy.is_evaluated else evaluations.is_tagged(self.action)
         except ReferenceError:
             return True
 
@@ -163,7 +163,7 @@ def _state_of(keys: Any) -> tuple[Any, list[Any]]:
     """Returns all of shape keys but their points and values: the curves of their drivers, and the rest."""
     drivers = animation.drivers_of(keys)
     curves, found = keyframes.read(drivers), [dependencies.plain(keys, 0), key_blocks.settings(keys)]
-    read = driver_bytes.read(drivers, is_whole=True)
+    read = driver_memory.read_bytes(drivers, is_whole=True)
     if read is None:
         found += [dependencies.plain(each.driver) for each in drivers]
     found += [dependencies.plain(each) for i, each in enumerate(drivers) if read is None or not curves.is_local(i)]
@@ -182,7 +182,7 @@ def _is_copy_tagged(block: Any, graph: Any) -> bool:
 def _mark(block: Any, graph: Any) -> None:
     copy = block.evaluated_get(graph)
     if copy.is_evaluated:
-        copies.mark(copy)
+        marks.mark_copy(copy)
 
 
 def may_have_moved(ob: Any, graph: Any) -> bool:
@@ -193,7 +193,7 @@ def may_have_moved(ob: Any, graph: Any) -> bool:
     action = ob.animation_data.action if ob.animation_data is not None else None
     copies_of = [each.evaluated_get(graph) for each in (ob, action) if each is not None]
     return not all(
-        each.is_evaluated and copies.is_marked(each) and not evaluations.is_tagged(each) for each in copies_of
+        each.is_evaluated and marks.is_marked_copy(each) and not evaluations.is_tagged(each) for each in copies_of
     )
 
 

@@ -2,7 +2,7 @@
 
 If Blender has a clock for each modifier (4.x and later), that clock is read. Everything else is measured by its
 absence: a few frames are played with it, without it, and with it again. Modifiers that do not affect it are switched
-off then, since their noise would hide its cost; armatures are played without anything else (armatures_alone.py). Each
+off then, since their noise would hide its cost; armatures are played without anything else (absences.py). Each
 absence ends with its block of frames, so between two steps of `steps` the file is unchanged.
 """
 
@@ -13,13 +13,13 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation, modifier_types, nodes, values
+from ..blender import animation, modifier_types, nodes, temporary, values
 from ..feedback import long_work
 from ..main import whole_frames
 from ..plan import bindable, survey, ways, wiring
 from ..played import freezing
 from ..run import characters
-from . import absences, armatures_alone, costs
+from . import absences, costs
 from .costs import CLOCK, DIFFERENCE, OWN_CLOCK, ObjectCost, Part
 
 # What is played: everything; only what Sinew may take over, and nothing after that; only keys and Armature modifiers.
@@ -38,12 +38,9 @@ def steps(context: bpy.types.Context, first: int, last: int) -> Generator[tuple[
     early is safe. Raises ValueError if there is nothing to measure."""
     costs.check_frames(first, last)
     scene = context.scene
-    before = scene.frame_current, scene.frame_subframe
-    try:
-        with freezing.all_live(scene, context.view_layer):  # else some are native, and some of the time
-            return (yield from _measure(context, scene, costs.spread(first, last)))
-    finally:
-        scene.frame_set(before[0], subframe=before[1])
+    # Some of the rigs would be native, and some of the time.
+    with temporary.frame_kept(scene), freezing.all_live(scene, context.view_layer):
+        return (yield from _measure(context, scene, costs.spread(first, last)))
 
 
 def _measure(context, scene, frames):
@@ -127,10 +124,10 @@ def _play(context, frames, subjects=()):
 
 def _subjects(context):
     """Returns the visible objects, including instanced ones, and the evaluated armatures; and these as
-    armatures_alone.Rigs."""
+    absences.Rigs."""
     depsgraph = context.evaluated_depsgraph_get()
     shown = dict.fromkeys(instance.object.original for instance in depsgraph.object_instances)
-    armatures = armatures_alone.evaluated_armatures(shown)
+    armatures = absences.evaluated_armatures(shown)
     depsgraph = context.evaluated_depsgraph_get()
     found = [_Subject(ob, depsgraph) for ob in {**shown, **dict.fromkeys(armatures)}]
     _share_keys(found)
@@ -138,7 +135,7 @@ def _subjects(context):
         if subject.ob.type == "MESH" and not subject.ob.sinew.is_bound:
             subject.try_accelerate()
     rigs = [(subject.ob, subject.cost.parts[0]) for subject in found if subject.ob.type == "ARMATURE"]
-    return [subject for subject in found if subject.cost.parts or subject.absences], armatures_alone.Rigs(rigs)
+    return [subject for subject in found if subject.cost.parts or subject.absences], absences.Rigs(rigs)
 
 
 def _animated(context, armatures):
@@ -146,10 +143,10 @@ def _animated(context, armatures):
     evaluated ones, since `depsgraph.ids` lacks hidden armatures."""
     hooks = [wiring.find_hook(ob) for ob in characters.bound_objects()]
     blocks = [block.original for block in context.evaluated_depsgraph_get().ids if hasattr(block, "animation_data")]
-    blocks += armatures_alone.blocks_of(armatures)
-    found = zip(("Keyframes", "Drivers"), ("KEYFRAMES", "DRIVERS"), armatures_alone.unmuted_curves(blocks, hooks))
+    blocks += absences.blocks_of(armatures)
+    found = zip(("Keyframes", "Drivers"), ("KEYFRAMES", "DRIVERS"), absences.unmuted_curves(blocks, hooks))
     return [
-        _Absence("the scene", [Part(name, kind, None, DIFFERENCE)], absences.still, curves, BARE)
+        _Absence("the scene", [Part(name, kind, None, DIFFERENCE)], absences.muted, curves, BARE)
         for name, kind, curves in found
         if curves
     ]
@@ -168,7 +165,7 @@ def _share_keys(subjects):
         for subject, part in zip(together, parts):
             subject.cost.parts.insert(0, part)
         if not reason:
-            together[0].absences.insert(0, _Absence(together[0].ob.name, parts, absences.muted, keys, BARE))
+            together[0].absences.insert(0, _Absence(together[0].ob.name, parts, absences.muted, keys.key_blocks, BARE))
 
 
 class _Subject:

@@ -1,4 +1,5 @@
-"""Exports a mesh with an armature as a rig folder."""
+"""Exports a mesh, its skeleton, weights and poses as a rig folder; or its skin, for a rig that is computed without
+Blender."""
 
 import contextlib
 import os
@@ -11,23 +12,59 @@ import numpy as np
 from ..blender import armatures, meshes, values
 from ..clips import clip_store
 from ..deform.clips import transformed
-from ..deform.influences import columns_of_groups
+from ..deform.influences import Bones, Rules, columns_of_groups, influences
 from ..feedback import progress
 from ..native import sinew_native
 from ..plan import bindable
 from . import rig_import
+from .file_options import ExportOptions
 
 
-def export_rig(
-    context: Any, ob: Any, skeleton_path: str, animation: str = "AUTO", up_axis: str = "Y", shown: Any = progress.SILENT
-) -> None:
-    """Writes mesh.obj, the skeleton, weights.dmat and, if there are poses, pose.dmat or anim.dmat.
+def mesh_to_export(context: Any, armature: Any, name: str | None) -> Any:
+    """Returns the mesh object of that name, or without a name the only one that the armature deforms. Raises
+    ValueError."""
+    deformed = bindable.meshes_of(context, armature)
+    names = ", ".join(ob.name for ob in deformed) or "none"
+    found = [ob for ob in deformed if name in (None, ob.name)]
+    if not found:
+        raise ValueError(f"there is no mesh {name} that {armature.name} deforms; those that it deforms: {names}")
+    if len(found) > 1:
+        raise ValueError(f"choose a mesh with --mesh NAME; those that {armature.name} deforms: {names}")
+    return found[0]
 
-    animation: AUTO writes the scene's frames if the armature is animated and not posed by the imported clip,
-    and otherwise that clip; FRAMES always writes the scene's frames; NONE writes neither. up_axis: the axis of the
-    files that the mesh's Z axis becomes, "Y" or "Z"; an imported rig is written in the axes of its own files. Raises
-    ValueError with the reason.
-    """
+
+def skin_of(context: Any, ob: Any, armature: Any) -> dict[str, Any]:
+    """Returns the arguments of sinew_native.Skin for a mesh at rest, without shape keys, in armature space. Its joints
+    are those of RigProgram.joint_begin. Masks and other modifiers are left out."""
+    modifier = bindable.armature_modifier(ob, armature)
+    rules = Rules(modifier.use_vertex_groups, modifier.use_bone_envelopes) if modifier else Rules()
+    evaluated = armature.evaluated_get(context.evaluated_depsgraph_get())
+    bones = Bones(**armatures.read_bones(evaluated))
+    rest = transformed(values.relative_matrix(armature, ob), meshes.read_positions(ob.data).astype(np.float64))
+    index = {name: number for number, name in enumerate(bones.names)}
+    own = influences(
+        *meshes.read_object_weights(ob),
+        np.array([index.get(group.name, -1) for group in ob.vertex_groups], np.int32),
+        bones,
+        rules,
+        lambda: rest,
+        lambda bone, point: armatures.segment_at(evaluated, bone, point),
+    )
+    # A deformer has no joints for bones that do not deform; a program has.
+    counts = np.where(bones.segments > 1, bones.segments + 1, 1)
+    joints = np.flatnonzero(np.repeat(bones.deform, counts))
+    return {
+        "rest_positions": rest.astype(np.float32),
+        "offsets": own.offsets,
+        "joints": joints[own.joints].astype(np.int32),
+        "weights": own.weights,
+        "joint_count": int(counts.sum()),
+    }
+
+
+def export_rig(context: Any, ob: Any, skeleton_path: str, options: ExportOptions, shown: Any = progress.SILENT) -> None:
+    """Writes mesh.obj, the skeleton, weights.dmat and, if there are poses, pose.dmat or anim.dmat. Raises ValueError
+    with the reason."""
     armature = bindable.find_armature(ob)
     if armature is None:
         raise ValueError(f"{ob.name} has no armature: give it one, or choose another mesh")
@@ -36,7 +73,7 @@ def export_rig(
         raise ValueError(f"There is no folder {folder}: make it first")
 
     from_file = clip_store.has_skeleton(armature.data)
-    files_from_mesh = np.eye(4) if from_file else np.linalg.inv(rig_import.orientation(up_axis))
+    files_from_mesh = np.eye(4) if from_file else np.linalg.inv(rig_import.orientation(options.up_axis))
     if from_file:
         skeleton = clip_store.load_skeleton(armature.data)
         joints = clip_store.own_joints(armature)
@@ -49,9 +86,9 @@ def export_rig(
     plays_clip = clip_store.has_poses(armature.data) and ob.sinew.source == "CLIP"
     drive = armature.animation_data
     is_animated = bool(drive and (drive.action or drive.nla_tracks or drive.drivers)) and not plays_clip
-    if animation == "AUTO" and from_file and not is_animated:
+    if options.animation == "AUTO" and from_file and not is_animated:
         poses, matrices = clip_store.load_poses(armature.data)
-    if animation == "FRAMES" or animation == "AUTO" and is_animated:
+    if options.animation == "FRAMES" or options.animation == "AUTO" and is_animated:
         matrices = sample_frames(context, ob, armature, joints, len(names), shown)
         matrices = files_from_mesh @ matrices @ np.linalg.inv(files_from_mesh)
 

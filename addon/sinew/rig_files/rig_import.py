@@ -3,41 +3,21 @@
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import bpy
 import numpy as np
 
-from ..blender import bounds, meshes, weight_writing
+from ..blender import bounds, meshes, selection, weight_writing
 from ..clips import clip_store
 from ..feedback import progress
 from ..install import bind, deformed_copy, shared_group
 from ..native import sinew_native
+from .file_options import AUTO, FileOptions, ImportOptions
 
 # Blender removes bones of zero length; this fraction of the rig's size is short but visible.
 SHORTEST_BONE = 0.02
-AUTO = "auto"  # in place of the name of a file of weights
 Y_UP_TO_Z_UP = ((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1))
-
-
-@dataclass
-class ImportOptions:
-    """Options of the import. Empty names: the default files. weights AUTO: made from the bones, as they are if there is
-    no such file and none is named. convention None: derived from the file."""
-
-    mesh: str = ""
-    weights: str = ""
-    pose: str = ""
-    convention: str | None = None
-    quaternion_order: str = "wxyz"
-    up_axis: str = "Y"
-    scale: float = 1.0
-    method: str = "LINEAR"
-    source: str = "CLIP"
-    output: str = "MODIFIER"
-    frame_rate: float = 0.0  # poses per second; 0: one pose per frame
-    set_frame_range: bool = True
 
 
 def import_rig(
@@ -79,11 +59,7 @@ def import_rig(
         scene.frame_end = frame_end
         context.view_layer.objects.active = active
         raise
-    for ob in context.selected_objects:
-        ob.select_set(False)
-    armature.select_set(True)
-    mesh_object.select_set(True)
-    context.view_layer.objects.active = mesh_object
+    selection.select(context, mesh_object, (armature, mesh_object))
     return mesh_object, armature, remark_on(rig, folder, options)
 
 
@@ -98,7 +74,7 @@ def remove(created: Sequence[Any]) -> None:
     shared_group.see_to()
 
 
-def remark_on(rig: Any, folder: str, options: ImportOptions) -> str:
+def remark_on(rig: Any, folder: str, options: FileOptions) -> str:
     """Returns a sentence about what reading has changed or made, or "" if nothing."""
     if not options.weights and weights_to_read(folder, options) == AUTO:
         return f"there is no weights.dmat in {folder}, so the weights were made from the bones"
@@ -111,7 +87,7 @@ def remark_on(rig: Any, folder: str, options: ImportOptions) -> str:
     )
 
 
-def weights_to_read(folder: str, options: ImportOptions) -> str | None:
+def weights_to_read(folder: str, options: FileOptions) -> str | None:
     """Returns what to pass to read_rig: the name of a file, None for the usual one, or AUTO."""
     if options.weights or os.path.exists(os.path.join(folder, "weights.dmat")):
         return options.weights or None
@@ -123,7 +99,7 @@ def orientation(up_axis: str) -> np.ndarray:
     return np.array(Y_UP_TO_Z_UP if up_axis == "Y" else np.eye(4), float)
 
 
-def read_rig(folder: str, skeleton_name: str, options: ImportOptions) -> Any:
+def read_rig(folder: str, skeleton_name: str, options: FileOptions) -> Any:
     """Reads the files that the options name, with the options' conventions. Raises ValueError or OSError."""
     return sinew_native.read_rig(
         folder,
@@ -131,8 +107,8 @@ def read_rig(folder: str, skeleton_name: str, options: ImportOptions) -> Any:
         mesh=options.mesh or None,
         weights=weights_to_read(folder, options),
         pose=options.pose or None,
-        convention=options.convention,
-        quaternion_order=options.quaternion_order,
+        convention=None if options.convention == "AUTO" else options.convention.lower(),
+        quaternion_order=options.quaternion_order.lower(),
     )
 
 

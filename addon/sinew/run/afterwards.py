@@ -13,7 +13,7 @@ from ..chain import shape_keys
 from ..host import key_blocks, marks
 from ..plan import wiring
 from . import characters, graph_copies, switching
-from .graph_copy import GraphCopy
+from .graph_copies import GraphCopy
 
 
 def is_waiting(ob: Any) -> bool:

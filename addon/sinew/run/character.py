@@ -1,26 +1,99 @@
 """One bound mesh at run time: its plan, its status, and what its graph copies share. Nothing of it is saved.
 
 The .blend holds everything; this is a cache. What was read belongs to the evaluated object of which it was read
-(graph_copy.py).
+(graph_copies.py).
 """
 
 import threading
-from typing import Any
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import bpy
+import numpy as np
 
 from ..chain import methods, stages
-from ..host import switches
+from ..host import modifier_memory
 from ..plan import plans, runs, ways
-from . import graph_copies, standing_aside
-from .graph_copy import GraphCopy
+from . import graph_copies, switching
+from .graph_copies import GraphCopy
 from .mesh_reading import Shared
 from .planning import Planning
-from .status import Status
 
+RECENT_FRAMES = 10  # whose times are shown
+MOST_SKIPPED = 32  # evaluations, after many failures in a row
 # Modes in which Blender's tools do not need to know which vertex of the mesh one of the result was made from. Where all
 # of the result is a canvas's, only Blender's own modifiers tell them.
 WITHOUT_INDICES = {"OBJECT", "POSE"}
+
+
+class Times(NamedTuple):
+    """Milliseconds of a frame."""
+
+    pose: float
+    skin: float  # with shape keys
+    stages: tuple[float, ...]  # of each modifier of the run after the armature
+
+    @property
+    def total(self) -> float:
+        return self.pose + self.skin + sum(self.stages)
+
+
+class Timings:
+    """Milliseconds of the last frames since an edit, without those on which something was built."""
+
+    def __init__(self) -> None:
+        self._frames: deque[np.ndarray] = deque(maxlen=RECENT_FRAMES)  # (S + 2,) each
+
+    def add(self, numbers: np.ndarray) -> None:
+        """Copies the times of a frame, (S + 2,): of the pose, of keys and skinning, and of each of S stages."""
+        if self._frames and len(self._frames[-1]) != len(numbers):
+            self.forget()
+        self._frames.append(numbers.copy())
+
+    def forget(self) -> None:
+        self._frames.clear()
+
+    @property
+    def last(self) -> Times:
+        """The times of the last frame; zeros if there was none."""
+        return self._times(self._frames[-1]) if self._frames else Times(0.0, 0.0, ())
+
+    def recent(self) -> Times | None:
+        """Returns the medians of the last frames, or None."""
+        frames = list(self._frames)
+        return self._times(np.median(frames, axis=0)) if frames and len({len(f) for f in frames}) == 1 else None
+
+    @staticmethod
+    def _times(numbers: np.ndarray) -> Times:
+        pose, skin, *stages = numbers.tolist()
+        return Times(pose, skin, tuple(stages))
+
+
+@dataclass
+class Status:
+    """Of one bound mesh."""
+
+    error: str = ""  # a sentence; "" after a frame without an error
+    failures: int = 0  # evaluations in a row that have failed
+    to_skip: int = 0  # evaluations that leave the mesh to Blender before the next try
+    timings: Timings = field(default_factory=Timings)
+    is_copy_known: bool = False  # the deformed copy has been compared with the mesh
+    copy_stays: bool = False  # the last evaluation had no shape for the deformed copy
+
+    def note_failure(self) -> None:
+        """Notes that an evaluation has failed. The more have failed in a row, the more are skipped."""
+        self.failures += 1
+        self.to_skip = min(2**self.failures, MOST_SKIPPED)
+
+    def note_success(self) -> None:
+        """Notes that an evaluation has not failed, or that something was edited."""
+        self.error, self.failures, self.to_skip = "", 0, 0
+
+    def skips(self) -> bool:
+        """Whether to skip this evaluation. Counts."""
+        self.to_skip = max(self.to_skip - 1, 0)
+        return self.to_skip > 0
 
 
 class Character:
@@ -78,7 +151,7 @@ class Character:
         """Whether Sinew deforms an evaluated object that has such a plan, if any modifier that it replaces is on."""
         if plan.way.takes_all and ob.mode not in WITHOUT_INDICES:
             return False
-        return plan.is_wired and not standing_aside.is_on() and switches.can_put_aside()
+        return plan.is_wired and not switching.stands_aside() and modifier_memory.can_put_aside()
 
     # --- its evaluated copies ---------------------------------------------------------------------
 

@@ -34,7 +34,10 @@ class _File:
     def sort_in(self, key: int, ob: bpy.types.Object) -> None:
         """Enters a bound object."""
         own = armatures.of_modifiers(ob)
-        for kept, belongs in (self.by_clip, _may_follow_clip(ob)), (self.with_copy, _has_copy(ob)):
+        for kept, belongs in (
+            (self.by_clip, ob.sinew.source == "CLIP" or animation.find_curve(ob, "sinew.source") is not None),
+            (self.with_copy, ob.sinew.installed_output == "MESH" and ob.library is None),
+        ):
             if belongs:
                 kept[key] = ob
             else:
@@ -159,12 +162,12 @@ def made_of(keys: Iterable[int]) -> dict[int, bpy.types.Object]:
     if _is_stale:
         _gather()
     found = set().union(*(_file.parts[key] for key in keys if key in _file.parts))
-    return {key: _file.objects[key] for key in found if _is_alive(_file.objects[key])}
+    return {key: _file.objects[key] for key in found if values.is_alive(_file.objects[key])}
 
 
 def find(key: int) -> bpy.types.Object | None:
     """Returns the bound object with that key, or None."""
-    if _is_stale or not _is_alive(_file.objects.get(key)):
+    if _is_stale or not values.is_alive(_file.objects.get(key)):
         _gather()
     return _file.objects.get(key)
 
@@ -177,7 +180,7 @@ def gather_again() -> None:
 
 def count_again() -> None:
     """Checks whether objects were added or removed, and if so has the next query walk through the file again."""
-    if len(bpy.data.objects) != _file.object_count or not all(map(_is_alive, _file.objects.values())):
+    if len(bpy.data.objects) != _file.object_count or not all(map(values.is_alive, _file.objects.values())):
         gather_again()
 
 
@@ -213,16 +216,9 @@ def see_mesh(mesh: bpy.types.Mesh, is_in_doubt: bool) -> None:
 
 def _present(name: str) -> list[bpy.types.Object]:
     """Returns the objects in a field of _File, after another walk if one of them no longer exists."""
-    if _is_stale or not all(map(_is_alive, getattr(_file, name).values())):
+    if _is_stale or not all(map(values.is_alive, getattr(_file, name).values())):
         _gather()
     return list(getattr(_file, name).values())
-
-
-def _is_alive(ob: bpy.types.Object | None) -> bool:
-    try:
-        return ob is not None and bool(ob.type)
-    except ReferenceError:
-        return False
 
 
 def _gather() -> None:
@@ -258,14 +254,6 @@ def _name(ob: bpy.types.Object) -> tuple[str, str | None]:
     return ob.name, ob.library.filepath if ob.library else None
 
 
-def _may_follow_clip(ob: bpy.types.Object) -> bool:
-    return ob.sinew.source == "CLIP" or animation.find_curve(ob, "sinew.source") is not None
-
-
-def _has_copy(ob: bpy.types.Object) -> bool:
-    return ob.sinew.installed_output == "MESH" and ob.library is None
-
-
 def note_canvas(entry: Character) -> None:
     """Notes that the plan of a bound mesh may depend on its surroundings. From any thread."""
     _through_canvas.add(entry.key)
@@ -281,7 +269,7 @@ def see_surroundings() -> None:
     file = canvas_survey.read_file()
     for key in tuple(_through_canvas):
         ob = _file.objects.get(key)
-        if ob is not None and _is_alive(ob):
+        if ob is not None and values.is_alive(ob):
             _characters[key].planning.see_surroundings(ob, file)
 
 

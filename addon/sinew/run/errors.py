@@ -7,7 +7,7 @@ import bpy
 from ..feedback import notice
 from . import characters, graph_copies, mail
 from .character import Character
-from .graph_copy import GraphCopy
+from .graph_copies import GraphCopy
 
 log = logging.getLogger("sinew")
 

@@ -11,10 +11,10 @@ from typing import Any
 
 from ..blender import nodes
 from ..chain import bone_editions, layers, living
-from ..host import contract, features, motions, places, switches, watched_tree
+from ..host import contract, features, modifier_memory, places, poses, watched_tree
 from ..native import sinew_native
 from ..plan import wiring
-from . import standing_aside, switching
+from . import switching
 
 LEAST_PATIENCE, MOST_PATIENCE = 2, 16
 
@@ -23,7 +23,7 @@ class FastPath:
     """The fast path of one evaluated object, if there is one."""
 
     def __init__(self, copy: Any) -> None:
-        """copy: graph_copy.GraphCopy."""
+        """copy: graph_copies.GraphCopy."""
         self._copy = copy
         self.shortcut: Shortcut | None = None
         self._patience = LEAST_PATIENCE  # how many equal frames in a row there must be before there is one
@@ -103,21 +103,22 @@ class Shortcut:
             if modifier.name in copy.shown and modifier.name not in live:
                 watched.add_modifier(modifier)
         names = switching.aside(plan, copy.stencils is not None)
-        aside = {name: switches.aside_switch(ob.modifiers[name]) for name in names}
+        aside = {name: modifier_memory.aside_switch(ob.modifiers[name]) for name in names}
         modes = list(aside.values())
-        kept = [(aside[name][0], switches.SWITCHES) for name in plan.replaced]  # drivers and keyframes may change them
+        # Drivers and keyframes may change these.
+        kept = [(aside[name][0], modifier_memory.SWITCHES) for name in plan.replaced]
         if plan.own is not None:
-            modes.append(switches.mode_switch(ob.modifiers[plan.own], *switching.switches_of_own(ob, plan)))
-        poses = [
-            (motions.pose_address_at(armature), layer.first_joint, layer.bones.joint_counts)
+            modes.append(modifier_memory.mode_switch(ob.modifiers[plan.own], *switching.switches_of_own(ob, plan)))
+        read = [
+            (poses.pose_address_at(armature), layer.first_joint, layer.bones.joint_counts)
             for layer, armature in zip(own, armatures)
         ]
         self._goes_through_keys = copy.goes_through_keys()
         native = sinew_native.host.Shortcut(
             chain.deformer,
             watched.structs,
-            poses,
-            motions.pose_layout(_has_segments(own)) if own else motions.NO_LAYOUT,
+            read,
+            poses.pose_layout(_has_segments(own)) if own else poses.NO_LAYOUT,
             [(places.place_at(ob), places.place_at(armature)) for armature in armatures],
             modes,
             chain.stages_at(ob),
@@ -134,7 +135,7 @@ class Shortcut:
         if (
             contract.is_broken()
             or not self._copy.has_current_plan
-            or standing_aside.is_on()
+            or switching.stands_aside()
             or not self._native.holds()
         ):
             return False
@@ -160,7 +161,7 @@ class Shortcut:
             if stage is None:
                 return False
             self._native.set_stage(number, stage)
-        # Asking for the address makes Blender give the mesh its own array: see host/vector_arrays.py.
+        # Asking for the address makes Blender give the mesh its own array: see host/mesh_arrays.py.
         out = 0 if self._goes_through_keys else self._mesh.attributes[nodes.POSITION_ATTRIBUTE].data[0].as_pointer()
         return self._native.deform(out)
 

@@ -14,12 +14,12 @@ from ..blender import meshes, nodes, values
 from ..chain import shape_keys, stages
 from ..chain.leaving import LeaveToBlender
 from ..clips import posing
-from ..host import contract, evaluations, key_blocks, marks, switches, vector_arrays
+from ..host import contract, evaluations, key_blocks, marks, mesh_arrays, modifier_memory
 from ..native import sinew_native
 from ..plan import survey, ways, wiring
 from . import afterwards, characters, errors, graph_copies, switching
 from .character import Character
-from .graph_copy import GraphCopy
+from .graph_copies import GraphCopy
 
 
 class Frame(NamedTuple):
@@ -139,7 +139,7 @@ def _prepare(copy: GraphCopy, ob: Any) -> Frame:
     if copy.goes_through_keys():
         out = key_blocks.key_positions(addresses[0], count)
     else:
-        out = vector_arrays.attribute_vectors(target.attributes[nodes.POSITION_ATTRIBUTE], count)
+        out = mesh_arrays.attribute_vectors(target.attributes[nodes.POSITION_ATTRIBUTE], count)
         if count != chain.deformer.result_count:
             raise LeaveToBlender("its canvas has other vertices")
     if out is None and count:
@@ -220,7 +220,7 @@ def _rest(copy: GraphCopy, ob: Any) -> None:
     does at the latest when Sinew takes another path, for which the hook has to wait for more."""
     hook = copy.hook_of(ob) if copy.plan is not None else None
     if hook is not None and copy.plan.way.kind == ways.BLENDER and wiring.waits_for_nothing(hook):
-        switches.mute_driver(hook)
+        modifier_memory.mute_driver(hook)
 
 
 def _give_keys_back(copy: GraphCopy, ob: Any) -> None:

@@ -16,11 +16,6 @@ from ..host import deform_verts, marks
 _edition_numbers = itertools.count(int(time.time()) % 2**30 + 1)
 
 
-def new_edition() -> int:
-    """Returns a number for a changed mesh that no other edition has."""
-    return next(_edition_numbers)
-
-
 class Shared:
     """The data that the graph copies of one mesh share: weights, rest positions and layers, each for as long as a graph
     copy uses it. Hold the character's lock."""
@@ -113,7 +108,7 @@ class Reading:
         """Reads a mesh and keeps what has not changed. mesh: evaluated, before all modifiers."""
         self._mesh_address = mesh.as_pointer()
         if is_edited or not self.edition:
-            self.edition = self._character.edition = new_edition()
+            self.edition = self._character.edition = next(_edition_numbers)
         self._is_method_known, self._faces = False, ""
         self.read_weights(mesh)
 

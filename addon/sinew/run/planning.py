@@ -6,7 +6,7 @@ import bpy
 
 from ..blender import meshes, modifier_types
 from ..chain.leaving import LeaveToBlender
-from ..host import contract, driver_bytes
+from ..host import contract, driver_memory
 from ..plan import canvas_survey, mends, plans, survey
 from ..plan.situation import Tail
 from . import mail
@@ -128,7 +128,7 @@ class Planning:
         """Whether the hook still waits for everything that the modifiers follow. Looks only if drivers or modifiers
         have changed since the last look; not if bones have."""
         data, names = original.animation_data, self.plan.replaced
-        drivers = driver_bytes.read(data.drivers) if data is not None else b""
+        drivers = driver_memory.read_bytes(data.drivers) if data is not None else b""
         awaited = [survey.awaited_by(original.modifiers[name]) for name in names if name in original.modifiers]
         now = drivers, awaited, self.plan.hook_path
         if drivers is None or now != self._waiting:

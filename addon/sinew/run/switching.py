@@ -4,10 +4,27 @@ from typing import Any
 
 from ..blender import modifier_types
 from ..chain.leaving import LeaveToBlender
-from ..host import graph_modes, switches
+from ..host import evaluations, modifier_memory
 from ..plan import plans, ways
 
+_is_on = False
 OFF = (False, False)
+
+
+def stands_aside() -> bool:
+    return _is_on
+
+
+class StandAside:
+    """Has Blender's own modifiers deform all meshes in evaluations inside the `with` block."""
+
+    def __enter__(self) -> None:
+        global _is_on
+        _is_on = True
+
+    def __exit__(self, *_: object) -> None:
+        global _is_on
+        _is_on = False
 
 
 def shown(ob: Any, plan: plans.Plan) -> tuple[str, ...]:
@@ -17,7 +34,7 @@ def shown(ob: Any, plan: plans.Plan) -> tuple[str, ...]:
     modes = {name: _switches(ob.modifiers[name]) for name in plan.replaced}
     if all(viewport == render for viewport, render in modes.values()):
         return tuple(name for name, (viewport, _render) in modes.items() if viewport)
-    is_render = graph_modes.is_render(ob)
+    is_render = evaluations.is_render(ob)
     if is_render is None:
         if plan.way.kind == ways.KEYS or len(set(modes.values())) > 1:
             raise LeaveToBlender("some modifiers are on for the viewport or for renders only")
@@ -31,7 +48,7 @@ def stencils(ob: Any, plan: plans.Plan) -> Any:
     viewport, render = plan.way.tail.stencils if plan.way.tail is not None else (None, None)
     if viewport is render:
         return viewport
-    is_render = graph_modes.is_render(ob)
+    is_render = evaluations.is_render(ob)
     if is_render is None:
         raise LeaveToBlender("its last modifiers are not the same in the viewport and in renders")
     return render if is_render else viewport
@@ -62,24 +79,24 @@ def switch(ob: Any, plan: plans.Plan, deforms: bool, has_stencils: bool = True) 
     has_stencils: see `aside`."""
     modifiers = ob.modifiers
     if plan.own is not None:
-        switches.switch_modifier(modifiers[plan.own], *(switches_of_own(ob, plan) if deforms else OFF))
+        modifier_memory.switch_modifier(modifiers[plan.own], *(switches_of_own(ob, plan) if deforms else OFF))
     for name in aside(plan, has_stencils):
-        switches.put_aside(modifiers[name], deforms)
+        modifier_memory.put_aside(modifiers[name], deforms)
 
 
 def release(ob: Any) -> None:
     """Lets Blender evaluate all modifiers of an evaluated object again, except for those that an exporter keeps it from
     evaluating: in the original. After an edit, Sinew may no longer replace some of those that it did, and Blender does
     not always copy the object anew."""
-    if switches.can_put_aside():
+    if modifier_memory.can_put_aside():
         for modifier, original in zip(ob.modifiers, ob.original.modifiers):
-            switches.put_aside(modifier, switches.is_aside(original))
+            modifier_memory.put_aside(modifier, modifier_memory.is_aside(original))
 
 
 def release_original(ob: Any) -> None:
     """Lets Blender evaluate the modifiers of an original object, which a script may have made from an evaluated copy.
     Exporters keep it from evaluating those of DEFERRED for a while: these are left as they are."""
-    if switches.can_put_aside():
+    if modifier_memory.can_put_aside():
         for modifier in ob.modifiers:
             if modifier.type not in modifier_types.DEFERRED:
-                switches.put_aside(modifier, False)
+                modifier_memory.put_aside(modifier, False)

@@ -16,7 +16,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import bounds, meshes, modifier_types, modifiers
+from ..blender import bounds, meshes, modifier_types, modifiers, values
 from ..native import sinew_native
 from ..plan import tails
 
@@ -68,7 +68,7 @@ class Canvas:
         return self._made[2]
 
     def _open(self) -> None:
-        if self._made and all(map(_is_alive, self._made)):
+        if self._made and all(map(values.is_alive, self._made)):
             return
         self.close()
         mesh = self._mesh_of()
@@ -97,7 +97,7 @@ class Canvas:
         """Removes what it has made. The next result makes it again."""
         made, self._made = self._made, ()
         for block, remove in zip(made, (_remove_scene, bpy.data.objects.remove, bpy.data.meshes.remove)):
-            if _is_alive(block):
+            if values.is_alive(block):
                 remove(block)
 
     def result(self, positions: np.ndarray, is_shifted: bool = True) -> np.ndarray:
@@ -114,13 +114,6 @@ class Canvas:
         found = meshes.read_evaluated(copy.evaluated_get(layer.depsgraph)).copy()
         self.seconds += perf_counter() - begin
         return found
-
-
-def _is_alive(block: Any) -> bool:
-    try:
-        return bool(block.as_pointer())
-    except ReferenceError:
-        return False
 
 
 def _remove_scene(scene: bpy.types.Scene) -> None:

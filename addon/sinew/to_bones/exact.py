@@ -11,10 +11,11 @@ import numpy as np
 
 from ..bake.frame_range import FrameRange
 from ..blender import bounds, weight_writing
+from ..blender.selection import select
 from ..feedback import long_work
 from ..install import bind
 from ..plan import bindable
-from ..rig_files import rig_import, skin_export
+from ..rig_files import rig_export, rig_import
 from . import conversion, game_skeleton, reduction, rig_actions, writing
 from . import joints as joint_motions
 from .exact_report import Baked, ExactReport
@@ -94,11 +95,11 @@ def steps(
         if target is not None:
             _restore(target, kept)
         rig_import.remove(created)
-        writing.select(context, *selection)
+        select(context, *selection)
         raise
     finally:
         scene.frame_set(frame[0], subframe=frame[1])
-    writing.select(context, armature, (armature, *copies))
+    select(context, armature, (armature, *copies))
     is_off = off > SHEARS * _size(made)
     return ExactReport(
         armature=armature.name,
@@ -293,7 +294,7 @@ def _copy_meshes(context, rig, skeleton, armature, meshes, settings, created):
 
 
 def _copy_mesh(context, rig, skeleton, armature, ob, settings, created):
-    skin = skin_export.skin_of(context, ob, rig) if settings.has_segments else None
+    skin = rig_export.skin_of(context, ob, rig) if settings.has_segments else None
     copy = ob.copy()
     created.append(copy)
     copy.data = ob.data.copy()

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import bpy
 
-from . import writing
+from ..blender.selection import select
 
 # With these the exporter writes the keyframes as they are, and each NLA track as an animation of its name. It does not
 # evaluate the scene for each frame of each action.
@@ -30,7 +30,7 @@ def export(context: bpy.types.Context, objects: Sequence[bpy.types.Object], path
     known = bpy.ops.export_scene.gltf.get_rna_type().properties.keys()
     settings = {name: value for name, value in SETTINGS.items() if name in known}
     active, selected = context.view_layer.objects.active, list(context.selected_objects)
-    writing.select(context, objects[0], objects)
+    select(context, objects[0], objects)
     try:
         bpy.ops.export_scene.gltf(
             filepath=path, export_format="GLB" if path.lower().endswith(".glb") else "GLTF_SEPARATE", **settings
@@ -38,4 +38,4 @@ def export(context: bpy.types.Context, objects: Sequence[bpy.types.Object], path
     except RuntimeError as error:
         raise ValueError(str(error).strip().removeprefix("Error: ")) from error
     finally:
-        writing.select(context, active, selected)
+        select(context, active, selected)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..blender import animation
 from ..description import custom_properties, rna_paths
-from ..host import actions
+from ..host import keyframes
 
 AT_REST = {
     "location": (0.0, 0.0, 0.0),
@@ -50,7 +50,7 @@ def find(rig: bpy.types.Object, pattern: str = "*") -> list[RigAction]:
     others: dict[Any, None] = {}
     for ob in bpy.data.objects:
         if ob.type == "ARMATURE":
-            played = [(each.action, getattr(each.slot, "handle", each.slot)) for each in actions.of(ob)]
+            played = [(each.action, getattr(each.slot, "handle", each.slot)) for each in keyframes.actions_of(ob)]
             (own if ob == rig else others).update(dict.fromkeys(played))
     found = []
     for action in bpy.data.actions:

@@ -9,6 +9,7 @@ from mathutils import Matrix
 
 from ..bake.frame_range import FrameRange
 from ..blender import animation, meshes, nodes, weight_writing
+from ..blender.selection import select
 from ..rig_files import clip_keyframes, rig_import
 from . import joints as joint_motions
 from .joints import Joints, Keys
@@ -50,15 +51,6 @@ def write(
         raise
     select(context, armature, (armature, *made))
     return armature, made
-
-
-def select(context: bpy.types.Context, active: bpy.types.Object, objects: Sequence[bpy.types.Object]) -> None:
-    """Makes an object the active one, and selects these alone."""
-    for ob in context.selected_objects:
-        ob.select_set(False)
-    for ob in objects:
-        ob.select_set(True)
-    context.view_layer.objects.active = active
 
 
 def _copied_mesh(context, ob, created):

@@ -1,14 +1,43 @@
-"""Why an operator is not available: Blender tells it where the button is gray, and in the error of a script."""
+"""What operators have in common: why one is not available, which Blender tells where the button is gray and in the
+error of a script, and how errors are reported."""
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
 
+ERRORS = (ValueError, OSError, MemoryError)  # which are reported
 MODES = {"OBJECT": "Object Mode", "POSE": "Pose Mode", "PAINT_WEIGHT": "Weight Paint"}
 
 
-class Explains:
-    """A mixin of operators. Each defines `why_not` in place of `poll`."""
+class Reports:
+    """A mixin of operators whose errors are reported. Each defines `run` in place of `execute`: it returns an
+    operator's result, None for FINISHED, and may raise ERRORS."""
+
+    def run(self, context: bpy.types.Context) -> set[str] | None:
+        raise NotImplementedError
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return self.at_once(lambda: self.run(context))
+
+    def at_once(self: Any, work: Callable[[], set[str] | None]) -> set[str]:
+        """Calls work() and reports its errors."""
+        try:
+            return work() or {"FINISHED"}
+        except ERRORS as error:
+            return self.fail(error)
+
+    def fail(self: Any, error: Any) -> set[str]:
+        name = getattr(error, "filename", None)
+        text = f"{name}: {error.strerror}" if name else str(error) or "There is not enough memory"
+        self.report({"ERROR"}, text)
+        return {"CANCELLED"}
+
+
+class Explains(Reports):
+    """A mixin of operators. Each defines `why_not` in place of `poll`, or tells the modes in which it is available."""
+
+    modes: tuple[str, ...] = ()  # of MODES
 
     @classmethod
     def poll(cls: Any, context: bpy.types.Context) -> bool:
@@ -20,7 +49,7 @@ class Explains:
     @classmethod
     def why_not(cls, context: bpy.types.Context) -> str:
         """Returns what to do before the operator is available, in one line; "" if it is."""
-        raise NotImplementedError
+        return other_mode(context, *cls.modes)
 
 
 def other_mode(context: bpy.types.Context, *modes: str) -> str:

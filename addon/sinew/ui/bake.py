@@ -9,9 +9,8 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ..bake import baking, mesh_cache
 from ..bake import job as jobs
 from . import available
-from .in_steps import InSteps
+from .in_steps import InSteps, OverFrames
 from .operators import selected_meshes
-from .over_frames import OverFrames
 
 FORMATS = (
     ("pc2", "PC2", "A point cache, little-endian"),
@@ -20,7 +19,7 @@ FORMATS = (
 )
 
 
-class BakeSettings(OverFrames):
+class BakeSettings(available.Explains, OverFrames):
     """The properties that Bake and BakeFrames, which does the work, share."""
 
     directory: StringProperty(
@@ -39,6 +38,11 @@ class BakeSettings(OverFrames):
         description="Play the baked files with a Mesh Cache modifier, and switch off the modifiers that it replaces",
     )
 
+    @classmethod
+    def why_not(cls, context):
+        why = available.other_mode(context, *available.MODES) or available.playing(context)
+        return why or ("" if selected_meshes(context) else "Select meshes")
+
     def job(self: Any, context: bpy.types.Context) -> jobs.Job:
         folder = bpy.path.abspath(self.directory)
         if not folder or folder.startswith("//"):
@@ -55,13 +59,7 @@ class BakeSettings(OverFrames):
         )
 
 
-def not_now(context: bpy.types.Context) -> str:
-    """Returns what to do before anything can be baked; "" if it can."""
-    why = available.other_mode(context, *available.MODES) or available.playing(context)
-    return why or ("" if selected_meshes(context) else "Select meshes")
-
-
-class Bake(available.Explains, BakeSettings, bpy.types.Operator):
+class Bake(BakeSettings, bpy.types.Operator):
     """Write the shape of the selected meshes on each frame to files that Blender's Mesh Cache modifier and
     other programs can play. The .blend does not change, except that unkeyed changes return to their keyframes, as
     they do whenever the scene plays. Press Esc to stop; the next bake continues from there"""
@@ -72,10 +70,6 @@ class Bake(available.Explains, BakeSettings, bpy.types.Operator):
 
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
 
-    @classmethod
-    def why_not(cls, context):
-        return not_now(context)
-
     def invoke(self, context, _event):
         if not self.directory and bpy.data.filepath:
             self.directory = bpy.path.abspath("//bake/")
@@ -83,11 +77,11 @@ class Bake(available.Explains, BakeSettings, bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def execute(self, _context):
+    def run(self, _context):
         return self.start(bpy.ops.object.sinew_bake_frames)
 
 
-class BakeFrames(available.Explains, BakeSettings, InSteps, bpy.types.Operator):
+class BakeFrames(BakeSettings, InSteps, bpy.types.Operator):
     """Bake the selected meshes, frame by frame"""
 
     bl_idname = "object.sinew_bake_frames"
@@ -96,22 +90,17 @@ class BakeFrames(available.Explains, BakeSettings, InSteps, bpy.types.Operator):
     stopped = "Stopped: the frames that were baked are kept; bake again to continue from there"
     seconds_in_a_row = 0.1
 
-    @classmethod
-    def why_not(cls, context):
-        return not_now(context)
-
-    def execute(self, context):
-        return self.at_once(lambda: self.finish(context, baking.run(context, self.job(context))))
+    def run(self, context):
+        return self.finish(context, baking.run(context, self.job(context)))
 
     def invoke(self, context, _event):
         return self.at_once(lambda: self.begin(context, baking.steps(context, self.job(context))))
 
-    def finish(self, context: bpy.types.Context, baked: list[Any]) -> set[str]:
+    def finish(self, context: bpy.types.Context, baked: list[Any]) -> None:
         for each in baked:
             self.report({"INFO"}, each.sentence())
             if self.play:
                 mesh_cache.set_up(context, context.view_layer.objects[each.name], each.path)
-        return {"FINISHED"}
 
 
 class PlayCache(available.Explains, bpy.types.Operator):
@@ -135,13 +124,8 @@ class PlayCache(available.Explains, bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def execute(self, context):
-        try:
-            mesh_cache.set_up(context, context.active_object, bpy.path.abspath(self.filepath))
-        except (ValueError, OSError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+    def run(self, context):
+        mesh_cache.set_up(context, context.active_object, bpy.path.abspath(self.filepath))
 
 
 class TakeOffCache(available.Explains, bpy.types.Operator):
@@ -156,14 +140,13 @@ class TakeOffCache(available.Explains, bpy.types.Operator):
         is_any = any(mesh_cache.is_on(ob) for ob in selected_meshes(context))
         return available.other_mode(context, "OBJECT") or ("" if is_any else "Select a mesh that plays a cache")
 
-    def execute(self, context):
+    def run(self, context):
         for ob in selected_meshes(context):
             if mesh_cache.is_on(ob):
                 for name in mesh_cache.take_off(ob):
                     self.report(
                         {"WARNING"}, f"{ob.name} has lost the modifier {name}, which the cache had switched off"
                     )
-        return {"FINISHED"}
 
 
 CLASSES = (Bake, BakeFrames, PlayCache, TakeOffCache)

@@ -3,7 +3,8 @@
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ..crowd import making, source
+from ..blender import selection
+from ..crowd import making
 from ..feedback import progress
 from . import available
 
@@ -16,6 +17,7 @@ class AddCrowd(available.Explains, bpy.types.Operator):
     bl_idname = "object.sinew_crowd_add"
     bl_label = "Sinew Crowd"
     bl_options = {"REGISTER", "UNDO"}
+    modes = ("OBJECT",)
 
     filepath: StringProperty(
         name="Rig",
@@ -39,10 +41,6 @@ class AddCrowd(available.Explains, bpy.types.Operator):
     )
     seed: IntProperty(name="Seed", description="A different number gives a different crowd")
 
-    @classmethod
-    def why_not(cls, context):
-        return available.other_mode(context, "OBJECT")
-
     def draw(self, _context):
         self.layout.use_property_split = True
         names = ["agents", "lanes", "shapes", "seed"]
@@ -50,26 +48,19 @@ class AddCrowd(available.Explains, bpy.types.Operator):
         for name in names:
             self.layout.prop(self, name)
 
-    def execute(self, context):
+    def run(self, context):
         path = next((ob for ob in context.selected_objects if ob.type == "CURVE"), None)
-        try:
-            with progress.shown(context) as shown:
-                origin = self.source(context)
-                made = origin.phases(context, shown)
-                ob = making.build(context, made, self.agents, path, self.lanes, self.seed)
-        except (ValueError, OSError, MemoryError) as error:
-            return fail(self, error)
+        with progress.shown(context) as shown:
+            origin = self.source(context)
+            made = origin.phases(context, shown)
+            ob = making.build(context, made, self.agents, path, self.lanes, self.seed)
         origin.keep(ob)
-        for other in context.selected_objects:
-            other.select_set(False)
-        ob.select_set(True)
-        context.view_layer.objects.active = ob
+        selection.select(context, ob, (ob,))
         self.report({"INFO"}, f"{self.agents:,} agents, {made.count} shapes of {made.frames:g} frames")
-        return {"FINISHED"}
 
-    def source(self, context: bpy.types.Context) -> source.Source:
+    def source(self, context: bpy.types.Context) -> making.Source:
         if self.filepath:
-            return source.Source(filepath=self.filepath, pose=self.pose, count=self.shapes)
+            return making.Source(filepath=self.filepath, pose=self.pose, count=self.shapes)
         candidates = [context.active_object, *context.selected_objects]
         found = next((ob for ob in candidates if ob is not None and ob.type in {"MESH", "ARMATURE"}), None)
         if found is None:
@@ -78,7 +69,7 @@ class AddCrowd(available.Explains, bpy.types.Operator):
             float(getattr(self, name)) if self.properties.is_property_set(name) else None
             for name in ("frame_start", "frame_end")
         )
-        return source.Source(character=found.name, count=self.shapes, first=first, last=last)
+        return making.Source(character=found.name, count=self.shapes, first=first, last=last)
 
 
 class RenewCrowd(available.Explains, bpy.types.Operator):
@@ -94,24 +85,15 @@ class RenewCrowd(available.Explains, bpy.types.Operator):
         is_crowd = ob is not None and making.modifier_of(ob) is not None
         return available.other_mode(context, "OBJECT") or ("" if is_crowd else "Select a crowd")
 
-    def execute(self, context):
+    def run(self, context):
         ob = context.active_object
-        try:
-            origin = source.kept(ob)
-            if origin is None:
-                raise ValueError(f"{ob.name} does not know what it was made from: add another crowd")
-            with progress.shown(context) as shown:
-                made = origin.phases(context, shown)
-        except (ValueError, OSError, MemoryError) as error:
-            return fail(self, error)
+        origin = making.kept(ob)
+        if origin is None:
+            raise ValueError(f"{ob.name} does not know what it was made from: add another crowd")
+        with progress.shown(context) as shown:
+            made = origin.phases(context, shown)
         making.renew(context.scene, ob, made)
         self.report({"INFO"}, f"{made.count} shapes of {made.frames:g} frames")
-        return {"FINISHED"}
-
-
-def fail(operator: bpy.types.Operator, error: Exception) -> set[str]:
-    operator.report({"ERROR"}, str(error) or "There is not enough memory")
-    return {"CANCELLED"}
 
 
 CLASSES = (AddCrowd, RenewCrowd)

@@ -1,13 +1,12 @@
 """Operators that fix what the panel warns about."""
 
-from contextlib import contextmanager
 from typing import Any
 
 import bpy
 import numpy as np
 from mathutils.kdtree import KDTree
 
-from ..blender import armatures, meshes
+from ..blender import armatures, meshes, temporary
 from ..install import bind, mending
 from ..plan import survey
 from ..run import characters
@@ -46,21 +45,13 @@ def bone_weights(ob: bpy.types.Object) -> list[dict[int, float]]:
     ]
 
 
-@contextmanager
 def _at_rest(ob):
     """Shows the object in its rest shape inside the `with` block: armatures in rest position, only the Basis shown."""
     used = {armature.data for armature in armatures.of_modifiers(ob)}
-    settings = [(data, "pose_position", "REST") for data in used if data.library is None]
+    settings: list[tuple[Any, str, Any]] = [(data, "pose_position", "REST") for data in used if data.library is None]
     if ob.data.shape_keys is not None:
         settings += [(ob, "show_only_shape_key", True), (ob, "active_shape_key_index", 0)]
-    before = [getattr(owner, name) for owner, name, _value in settings]
-    for owner, name, value in settings:
-        setattr(owner, name, value)
-    try:
-        yield
-    finally:
-        for (owner, name, _value), value in zip(settings, before):
-            setattr(owner, name, value)
+    return temporary.changed(settings)
 
 
 class _Cure(available.Explains):
@@ -102,12 +93,11 @@ class MoveDown(_Cure, bpy.types.Operator):
     def nothing_to_cure(cls, ob):
         return "" if first_in_the_way(ob) is not None else f"No modifier of {ob.name} is in Sinew's way"
 
-    def execute(self, context):
+    def run(self, context):
         ob = context.active_object
         modifier, last = first_in_the_way(ob), ob.sinew.modifiers[-1]
         bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=list(ob.modifiers).index(last))
         self.report({"INFO"}, f"{modifier.name} comes after {last.name} now: look at the shape")
-        return {"FINISHED"}
 
 
 class KeepGenerated(available.Explains, bpy.types.Operator):
@@ -126,12 +116,11 @@ class KeepGenerated(available.Explains, bpy.types.Operator):
             why = f"{ob.name} has shape keys already"
         return why or available.other_mode(context, "OBJECT", "PAINT_WEIGHT")
 
-    def execute(self, context):
+    def run(self, context):
         ob = context.active_object
         ob.shape_key_add(name="Basis", from_mix=False)
         if ob.sinew.is_bound:
             mending.adapt(ob)
-        return {"FINISHED"}
 
 
 class RemoveDoubles(_Cure, bpy.types.Operator):
@@ -144,11 +133,10 @@ class RemoveDoubles(_Cure, bpy.types.Operator):
     def nothing_to_cure(cls, ob):
         return "" if doubles(ob) else f"{ob.name} is not deformed a second time"
 
-    def execute(self, context):
+    def run(self, context):
         ob = context.active_object
         for modifier in doubles(ob):
             ob.modifiers.remove(modifier)
-        return {"FINISHED"}
 
 
 class NormalizeWeights(_Cure, bpy.types.Operator):
@@ -158,7 +146,7 @@ class NormalizeWeights(_Cure, bpy.types.Operator):
     bl_idname = "object.sinew_normalize_weights"
     bl_label = "Normalize Bone Weights"
 
-    def execute(self, context):
+    def run(self, context):
         ob = context.active_object
         changed = 0
         is_locked = [group.lock_weight for group in ob.vertex_groups]
@@ -172,7 +160,6 @@ class NormalizeWeights(_Cure, bpy.types.Operator):
                     ob.vertex_groups[group].add((vertex,), weight * wanted / total, "REPLACE")
         ob.data.update()
         self.report({"INFO"}, f"Normalized the weights of {changed:,} vertices")
-        return {"FINISHED"}
 
 
 class FillWeights(_Cure, bpy.types.Operator):
@@ -181,14 +168,13 @@ class FillWeights(_Cure, bpy.types.Operator):
     bl_idname = "object.sinew_fill_weights"
     bl_label = "Fill Bone Weights from Neighbors"
 
-    def execute(self, context):
+    def run(self, context):
         ob = context.active_object
         weights = bone_weights(ob)
         rest = meshes.read_positions(ob.data)
         weighted = [vertex for vertex, entries in enumerate(weights) if entries]
         if not weighted:
-            self.report({"ERROR"}, f"No vertex of {ob.name} follows a bone: parent it with automatic weights")
-            return {"CANCELLED"}
+            raise ValueError(f"No vertex of {ob.name} follows a bone: parent it with automatic weights")
         tree = KDTree(len(weighted))
         for vertex in weighted:
             tree.insert(rest[vertex], vertex)
@@ -199,7 +185,6 @@ class FillWeights(_Cure, bpy.types.Operator):
                     ob.vertex_groups[group].add((vertex,), weight, "REPLACE")
         ob.data.update()
         self.report({"INFO"}, f"Gave weights to {len(weights) - len(weighted):,} vertices")
-        return {"FINISHED"}
 
 
 class SelectUnweighted(_Cure, bpy.types.Operator):
@@ -208,13 +193,12 @@ class SelectUnweighted(_Cure, bpy.types.Operator):
     bl_idname = "object.sinew_select_unweighted"
     bl_label = "Select Vertices without Bones"
 
-    def execute(self, context):
+    def run(self, context):
         selected = np.array([not entries for entries in bone_weights(context.active_object)], bool)
         context.tool_settings.mesh_select_mode = (True, False, False)
         meshes.select_vertices(context.active_object.data, selected)
         bpy.ops.object.mode_set(mode="EDIT")
         self.report({"INFO"}, f"{selected.sum():,} vertices follow no bone")
-        return {"FINISHED"}
 
 
 class FindWeights(_Cure, bpy.types.Operator):
@@ -230,9 +214,8 @@ class FindWeights(_Cure, bpy.types.Operator):
     def nothing_to_cure(cls, ob):
         return "" if searching.takes_long(ob) else f"{ob.name} lacks no weights that would take long to find"
 
-    def execute(self, context):
+    def run(self, context):
         searching.take_time(context.active_object)
-        return {"FINISHED"}
 
 
 def _unbound_smoothing(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
@@ -250,7 +233,7 @@ class BindSmoothing(_Cure, bpy.types.Operator):
     def nothing_to_cure(cls, ob):
         return "" if _unbound_smoothing(ob) else f"{ob.name} has no Corrective Smooth that needs to be bound"
 
-    def execute(self, context):
+    def run(self, context):
         ob = context.active_object
         unbound = _unbound_smoothing(ob)
         with _at_rest(ob):
@@ -260,7 +243,6 @@ class BindSmoothing(_Cure, bpy.types.Operator):
                     bpy.ops.object.correctivesmooth_bind(modifier=modifier.name)
                 bpy.ops.object.correctivesmooth_bind(modifier=modifier.name)
         ob.update_tag()
-        return {"FINISHED"}
 
 
 class MakeSingleUser(_Cure, bpy.types.Operator):
@@ -274,10 +256,9 @@ class MakeSingleUser(_Cure, bpy.types.Operator):
     def nothing_to_cure(cls, ob):
         return "" if ob.data.users > 1 else f"No other object uses the mesh of {ob.name}"
 
-    def execute(self, context):
+    def run(self, context):
         ob = context.active_object
         bind.make_single_user(ob)
-        return {"FINISHED"}
 
 
 CLASSES = (

@@ -1,20 +1,29 @@
-"""Operators that show weights as colours and the skeleton in front, with one click each."""
+"""Operators that show weights as colours, the skeleton in front, and the lines that bones stand for when weights are
+made."""
 
 import colorsys
 from collections.abc import Sequence
 from typing import Any
 
 import bpy
+import gpu
 import numpy as np
+from gpu_extras.batch import batch_for_shader
 
 from ..blender import meshes
+from ..blender.drawn import Drawn
+from ..feedback import notice
 from ..plan import bindable
-from . import available
+from ..weights import assigning, bone_segments
+from ..weights.weight_settings import AutomaticSettings
+from . import available, option_properties
 
 COLORS = "Sinew Weights"  # the colour attribute that exists while weights are shown
 BEFORE = "sinew_shown_before"  # custom property of the mesh: what the 3D views showed before
 UNWEIGHTED = (0.02, 0.02, 0.02)
 GOLDEN = 0.618034  # step of the hue: neighbours in the list of groups get very different colours
+LINE_COLOR = (1.0, 0.55, 0.1, 1.0)
+_ends = bone_segments.AUTOMATIC
 
 
 def weight_colors(offsets: np.ndarray, groups: np.ndarray, weights: np.ndarray, group_count: int) -> np.ndarray:
@@ -130,7 +139,7 @@ class ToggleWeights(available.Explains, bpy.types.Operator):
         why = available.no_mesh(ob) or ("Leave Edit Mode" if ob.mode == "EDIT" else "")
         return why or ("" if len(ob.vertex_groups) else f"{ob.name} has no vertex groups")
 
-    def execute(self, context):
+    def run(self, context):
         ob = context.active_object
         areas = context.screen.areas if context.screen else ()
         views = [area.spaces.active for area in areas if area.type == "VIEW_3D"]
@@ -138,7 +147,6 @@ class ToggleWeights(available.Explains, bpy.types.Operator):
             hide_weights(ob, views)
         else:
             show_weights(ob, views)
-        return {"FINISHED"}
 
 
 class ToggleSkeleton(available.Explains, bpy.types.Operator):
@@ -154,13 +162,12 @@ class ToggleSkeleton(available.Explains, bpy.types.Operator):
         ob = context.active_object
         return no_armature(ob) or ("" if ob.mode == "OBJECT" else "Switch to Object Mode")
 
-    def execute(self, context):
+    def run(self, context):
         armature = armature_of(context.active_object)
         if is_skeleton_shown(armature):
             armature.hide_set(True)
         else:
             show_skeleton(context, armature)
-        return {"FINISHED"}
 
 
 def armature_of(ob: bpy.types.Object) -> bpy.types.Object | None:
@@ -174,5 +181,66 @@ def no_armature(ob: bpy.types.Object | None) -> str:
     return "" if armature_of(ob) is not None else f"{ob.name} has no armature"
 
 
-CLASSES = (ToggleWeights, ToggleSkeleton)
-register, unregister = bpy.utils.register_classes_factory(CLASSES)
+def lines(armature: bpy.types.Object, ends: str) -> np.ndarray:
+    """Returns (2 S, 3) float32: both ends of the line of each deforming bone at rest, one after the other, world
+    space."""
+    bones = assigning.read_bones(armature)
+    segments = bone_segments.choose(bones, np.flatnonzero(bones.deform), ends)
+    return np.stack((segments.heads, segments.tails), 1).reshape(-1, 3).astype(np.float32)
+
+
+def _draw_lines():
+    ob = bpy.context.active_object
+    armature = armature_of(ob) if ob is not None and ob.type in {"MESH", "ARMATURE"} else None
+    if armature is None or armature.data.is_editmode:
+        return
+    shader = gpu.shader.from_builtin("3D_UNIFORM_COLOR" if bpy.app.version < (4, 0, 0) else "UNIFORM_COLOR")
+    batch = batch_for_shader(shader, "LINES", {"pos": lines(armature, _ends)})
+    gpu.state.line_width_set(3.0)
+    shader.uniform_float("color", LINE_COLOR)
+    batch.draw(shader)
+    gpu.state.line_width_set(1.0)
+
+
+_lines = Drawn(bpy.types.SpaceView3D, _draw_lines)
+
+
+def are_lines_shown() -> bool:
+    return _lines.is_shown()
+
+
+class ToggleBoneLines(available.Explains, bpy.types.Operator):
+    """Show the lines that the bones stand for when Sinew makes weights, at rest; press again to hide them"""
+
+    bl_idname = "object.sinew_show_bone_lines"
+    bl_label = "Bone Lines"
+    bl_options = {"REGISTER"}
+
+    ends: option_properties.one(AutomaticSettings, "ends")
+
+    @classmethod
+    def why_not(cls, context):
+        return no_armature(context.active_object)
+
+    def run(self, _context):
+        global _ends
+        is_same = are_lines_shown() and _ends == self.ends
+        _lines.hide()
+        if not is_same:
+            _ends = self.ends
+            _lines.show()
+        notice.redraw()
+
+
+def draw_bone_lines(layout: bpy.types.UILayout) -> None:
+    """Draws the button."""
+    layout.operator(ToggleBoneLines.bl_idname, icon="CONSTRAINT_BONE", depress=are_lines_shown())
+
+
+CLASSES = (ToggleWeights, ToggleSkeleton, ToggleBoneLines)
+register, _unregister = bpy.utils.register_classes_factory(CLASSES)
+
+
+def unregister() -> None:
+    _lines.hide()
+    _unregister()

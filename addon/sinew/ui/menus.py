@@ -1,21 +1,11 @@
 """Adds Sinew's operators to Blender's menus, which F3 also searches, and handles files dropped on a view."""
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
 
-from . import (
-    bake,
-    crowd,
-    cures,
-    method_settings,
-    onion_skins,
-    played_rigs,
-    to_bones,
-    weight_reduction,
-    weight_tools,
-    weights,
-)
+from . import bake, crowd, cures, method_settings, onion_skins, played_rigs, to_bones, weight_tools, weights
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .preferences import OpenManual
@@ -47,7 +37,7 @@ class SinewMenu(bpy.types.Menu):
             layout.separator()
         layout.operator(weights.ParentWithWeights.bl_idname, text="Parent with Sinew Weights", icon="BONE_DATA")
         layout.operator(weights.CheckWeights.bl_idname)
-        for tool in (*weight_tools.CLASSES, *weight_reduction.CLASSES):
+        for tool in weight_tools.CLASSES:
             layout.operator(tool.bl_idname)
         layout.separator()
         layout.operator(bake.Bake.bl_idname, icon="FILE_CACHE")
@@ -65,16 +55,13 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(OpenManual.bl_idname, icon="HELP")
 
 
-def draw_import(menu: Any, _context: bpy.types.Context) -> None:
-    menu.layout.operator(ImportRig.bl_idname, text=RIG_FILES)
+def _entry(operator: Any, **how: Any) -> Callable[[Any, Any], None]:
+    """Returns a function that draws an operator in a menu."""
 
+    def draw(menu, _context):
+        menu.layout.operator(operator.bl_idname, **how)
 
-def draw_export(menu: Any, _context: bpy.types.Context) -> None:
-    menu.layout.operator(ExportRig.bl_idname, text=RIG_FILES)
-
-
-def draw_add(menu: Any, _context: bpy.types.Context) -> None:
-    menu.layout.operator(crowd.AddCrowd.bl_idname, icon="COMMUNITY")
+    return draw
 
 
 def draw_submenu(menu: Any, _context: bpy.types.Context) -> None:
@@ -83,16 +70,15 @@ def draw_submenu(menu: Any, _context: bpy.types.Context) -> None:
 
 
 PLACES = (
-    ("TOPBAR_MT_file_import", draw_import),
-    ("TOPBAR_MT_file_export", draw_export),
-    ("VIEW3D_MT_add", draw_add),
+    ("TOPBAR_MT_file_import", _entry(ImportRig, text=RIG_FILES)),
+    ("TOPBAR_MT_file_export", _entry(ExportRig, text=RIG_FILES)),
+    ("VIEW3D_MT_add", _entry(crowd.AddCrowd, icon="COMMUNITY")),
     ("VIEW3D_MT_object", weight_tools.draw_object),
     ("VIEW3D_MT_object", draw_submenu),
     ("VIEW3D_MT_object", to_bones.draw_object),
     ("VIEW3D_MT_object_parent", weights.draw_parent),
     ("VIEW3D_MT_paint_weight", weights.draw_assign),
     ("VIEW3D_MT_paint_weight", weight_tools.draw_paint),
-    ("VIEW3D_MT_paint_weight", weight_reduction.draw_paint),
     ("VIEW3D_MT_pose", draw_submenu),
 )
 CLASSES = [SinewMenu]

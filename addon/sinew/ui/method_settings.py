@@ -91,13 +91,8 @@ class PrepareMethod(_OfBoundMesh, bpy.types.Operator):
     bl_idname = "object.sinew_prepare_method"
     bl_label = "Compute Skinning Data"
 
-    def execute(self, context):
-        try:
-            precomputing.start(context.active_object)
-        except precomputing.Impossible as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+    def run(self, context):
+        precomputing.start(context.active_object)
 
 
 class CancelMethod(_OfBoundMesh, bpy.types.Operator):
@@ -112,9 +107,8 @@ class CancelMethod(_OfBoundMesh, bpy.types.Operator):
         ob = context.active_object
         return super().why_not(context) or ("" if precomputing.job_of(ob) else f"Nothing is computed for {ob.name}")
 
-    def execute(self, context):
+    def run(self, context):
         precomputing.cancel(context.active_object)
-        return {"FINISHED"}
 
 
 class PaintMap(_OfBoundMesh, bpy.types.Operator):
@@ -125,7 +119,7 @@ class PaintMap(_OfBoundMesh, bpy.types.Operator):
 
     map: EnumProperty(name="Map", items=MAPS)
 
-    def execute(self, context):
+    def run(self, context):
         ob = context.active_object
         skinning = ob.sinew.skinning
         group = ob.vertex_groups.get(getattr(skinning, self.map))
@@ -137,7 +131,6 @@ class PaintMap(_OfBoundMesh, bpy.types.Operator):
             setattr(skinning, self.map, group.name)
         ob.vertex_groups.active_index = group.index
         bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
-        return {"FINISHED"}
 
 
 CLASSES = (PrepareMethod, CancelMethod, PaintMap)

@@ -5,7 +5,7 @@ import bpy
 from ..feedback import notice
 from ..host import evaluations
 from ..main import addon_preferences, callbacks
-from ..onion import ghost_drawing, ghosts, onion_settings, path_drawing
+from ..onion import ghost_drawing, ghosts, motion_paths, onion_settings
 from ..played import freezing, playing, rigs
 from . import available, played_rigs
 from .panels import InSidebar
@@ -27,11 +27,10 @@ class ToggleOnionSkins(available.Explains, bpy.types.Operator):
     def why_not(cls, context):
         return played_rigs.nothing_chosen(context)
 
-    def execute(self, context):
+    def run(self, context):
         armatures = [ob for ob in played_rigs.chosen(context) if rigs.has_animation(ob)]
         if not armatures:
-            self.report({"ERROR"}, "the selected characters have no keyframes, so there is nothing to show")
-            return {"CANCELLED"}
+            raise ValueError("the selected characters have no keyframes, so there is nothing to show")
         own = [rigs.learn(ob) for ob in armatures]
         change = ghosts.hide if all(rig.skins is not None for rig in own) else ghosts.show
         for rig in own:
@@ -45,7 +44,6 @@ class ToggleOnionSkins(available.Explains, bpy.types.Operator):
                     "on. Record plays all of them",
                 )
         notice.redraw()
-        return {"FINISHED"}
 
 
 def fill() -> float:
@@ -93,12 +91,12 @@ register_classes, unregister_classes = bpy.utils.register_classes_factory(CLASSE
 def register() -> None:
     register_classes()
     ghost_drawing.start()
-    path_drawing.start()
+    motion_paths.start()
     callbacks.start(fill)
 
 
 def unregister() -> None:
     callbacks.stop(fill)
-    path_drawing.stop()
+    motion_paths.stop()
     ghost_drawing.stop()
     unregister_classes()

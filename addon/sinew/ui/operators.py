@@ -6,10 +6,10 @@ from functools import partial
 import bpy
 from bpy.props import EnumProperty
 
-from ..clips import clip_store
+from ..deform import choices
 from ..feedback import progress
 from ..install import bind
-from ..main import properties, whole_frames
+from ..main import whole_frames
 from ..plan import bindable
 from ..played import accelerating, freezing
 from ..rig_files import clip_keyframes
@@ -50,13 +50,13 @@ class Bind(available.Explains, bpy.types.Operator):
     bl_label = "Accelerate"
     bl_options = {"REGISTER", "UNDO"}
 
-    output: EnumProperty(name="Output", items=properties.OUTPUT_ITEMS, description="Where the deformed positions go")
+    output: EnumProperty(name="Output", items=choices.OUTPUTS, description="Where the deformed positions go")
 
     @classmethod
     def why_not(cls, context):
         return no_meshes(context)
 
-    def execute(self, context):
+    def run(self, context):
         bound, problems = 0, []
         small = defaultdict(list)  # by armature
         meshes = selected_meshes(context)
@@ -97,11 +97,10 @@ class Unbind(available.Explains, bpy.types.Operator):
         is_any = any(ob.sinew.is_bound for ob in selected_meshes(context))
         return no_meshes(context) or ("" if is_any else "No selected mesh is accelerated")
 
-    def execute(self, context):
+    def run(self, context):
         for ob in selected_meshes(context):
             if ob.sinew.is_bound:
                 bind.unbind(ob)
-        return {"FINISHED"}
 
 
 class ClipToKeyframes(available.Explains, bpy.types.Operator):
@@ -116,17 +115,12 @@ class ClipToKeyframes(available.Explains, bpy.types.Operator):
         is_there = clip_keyframes.clip_armature(context.active_object) is not None
         return "" if is_there else "Select a rig that was imported with poses"
 
-    def execute(self, context):
+    def run(self, context):
         armature = clip_keyframes.clip_armature(context.active_object)
         scene = context.scene
-        try:
-            with progress.shown(context) as shown:
-                count = clip_keyframes.insert(scene, armature, scene.frame_start, scene.frame_end, shown)
-        except clip_store.DamagedClip as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        with progress.shown(context) as shown:
+            count = clip_keyframes.insert(scene, armature, scene.frame_start, scene.frame_end, shown)
         self.report({"INFO"}, f"{count} frames keyed on {armature.name}")
-        return {"FINISHED"}
 
 
 class MeasureFrames(available.Explains, bpy.types.Operator):
@@ -142,7 +136,7 @@ class MeasureFrames(available.Explains, bpy.types.Operator):
         why = available.other_mode(context, "OBJECT", "POSE")
         return why or ("" if is_any else "Accelerate a mesh first, with the output Modifier")
 
-    def execute(self, context):
+    def run(self, context):
         with progress.shown(context) as shown:
             live = partial(freezing.all_live, context.scene, context.view_layer)
             measured = whole_frames.measure(context.scene, shown, live)
@@ -151,7 +145,6 @@ class MeasureFrames(available.Explains, bpy.types.Operator):
             f"A whole frame takes {measured.sinew:.2f} ms with Sinew and {measured.blender:.2f} ms "
             "with Blender's own modifiers",
         )
-        return {"FINISHED"}
 
 
 CLASSES = (Bind, Unbind, ClipToKeyframes, MeasureFrames)

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ..run import characters
-from . import bone_lines, method_settings, sections, weight_reduction, weights
+from . import display, method_settings, sections, weight_tools, weights
 
 
 class InSidebar:
@@ -101,22 +101,6 @@ class SidebarMain(Main, InSidebar, bpy.types.Panel):
     bl_idname = "VIEW3D_PT_sinew"
 
 
-class SidebarPoses(Poses, InSidebar, bpy.types.Panel):
-    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_poses", "VIEW3D_PT_sinew"
-
-
-class SidebarInfluence(Influence, InSidebar, bpy.types.Panel):
-    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_influence", "VIEW3D_PT_sinew"
-
-
-class SidebarSmooth(Smooth, InSidebar, bpy.types.Panel):
-    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_smooth", "VIEW3D_PT_sinew"
-
-
-class SidebarDetails(Details, InSidebar, bpy.types.Panel):
-    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_details", "VIEW3D_PT_sinew"
-
-
 class SidebarWeights(InSidebar, bpy.types.Panel):
     bl_idname, bl_parent_id = "VIEW3D_PT_sinew_weights", "VIEW3D_PT_sinew"
     bl_label = "Weights"
@@ -127,8 +111,8 @@ class SidebarWeights(InSidebar, bpy.types.Panel):
 
     def draw(self, context):
         weights.draw(self.layout, context)
-        weight_reduction.draw_tools(self.layout)
-        bone_lines.draw(self.layout)
+        weight_tools.draw_tools(self.layout)
+        display.draw_bone_lines(self.layout)
 
 
 class SidebarBakeAndCrowd(InSidebar, bpy.types.Panel):
@@ -153,20 +137,16 @@ class ModifiersMain(Main, InModifiers, bpy.types.Panel):
         return context.object is not None and context.object.type == "MESH"
 
 
-class ModifiersPoses(Poses, InModifiers, bpy.types.Panel):
-    bl_idname, bl_parent_id = "DATA_PT_sinew_poses", "DATA_PT_sinew"
-
-
-class ModifiersInfluence(Influence, InModifiers, bpy.types.Panel):
-    bl_idname, bl_parent_id = "DATA_PT_sinew_influence", "DATA_PT_sinew"
-
-
-class ModifiersSmooth(Smooth, InModifiers, bpy.types.Panel):
-    bl_idname, bl_parent_id = "DATA_PT_sinew_smooth", "DATA_PT_sinew"
-
-
-class ModifiersDetails(Details, InModifiers, bpy.types.Panel):
-    bl_idname, bl_parent_id = "DATA_PT_sinew_details", "DATA_PT_sinew"
+def _below(main: Any, place: Any) -> list[Any]:
+    """Returns a panel for each section of a bound mesh, below the main panel of a place."""
+    return [
+        type(
+            main.__name__.replace("Main", section.__name__),
+            (section, place, bpy.types.Panel),
+            {"bl_idname": f"{main.bl_idname}_{section.__name__.lower()}", "bl_parent_id": main.bl_idname},
+        )
+        for section in (Poses, Influence, Smooth, Details)
+    ]
 
 
 class ArmatureMain(Main, bpy.types.Panel):
@@ -183,17 +163,11 @@ class ArmatureMain(Main, bpy.types.Panel):
 
 CLASSES = (
     SidebarMain,
-    SidebarPoses,
-    SidebarInfluence,
-    SidebarSmooth,
-    SidebarDetails,
+    *_below(SidebarMain, InSidebar),
     SidebarWeights,
     SidebarBakeAndCrowd,
     ModifiersMain,
-    ModifiersPoses,
-    ModifiersInfluence,
-    ModifiersSmooth,
-    ModifiersDetails,
+    *_below(ModifiersMain, InModifiers),
     ArmatureMain,
 )
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

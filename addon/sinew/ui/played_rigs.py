@@ -1,10 +1,15 @@
-"""Rigs that are native or recorded: operators, and the panel that lists them."""
+"""Rigs that are native or recorded: operators, the panel that lists them, and marks in the timeline which frames are
+recorded."""
 
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
 
 import bpy
+import gpu
 from bpy.props import BoolProperty
+from gpu_extras.batch import batch_for_shader
 
+from ..blender.drawn import Drawn
 from ..description import reading
 from ..feedback import notice
 from ..played import followers, freezing, recording, rigs
@@ -13,6 +18,9 @@ from .in_steps import InSteps
 from .panels import InSidebar
 
 MOST_RUNS = 3  # of recorded frames that are listed
+MOST_STRIPS = 8
+RULER, HEIGHT, GAP = 23, 3, 1  # of the frame numbers, of a strip, between two: pixels at 100 % interface scale
+FROZEN, LIVE = (0.35, 0.75, 1.0, 0.9), (0.55, 0.6, 0.65, 0.7)
 
 
 def chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -39,10 +47,10 @@ class _Records(available.Explains, InSteps):
     def invoke(self: Any, context, _event):
         return self.begin(context, self._steps_of(context))
 
-    def execute(self: Any, context):
+    def run(self: Any, context):
         for _step in self._steps_of(context):
             pass
-        return self.at_once(lambda: self.finish(context, None))
+        return self.finish(context, None)
 
     def _steps_of(self: Any, context):
         return recording.steps(context.scene, context.view_layer, self.armatures(context))
@@ -114,13 +122,12 @@ class LeaveToBlender(available.Explains, bpy.types.Operator):
         has_any = any(rig.is_wanted for rig in rigs.known())
         return not_now(context) or ("" if has_any else "All rigs are Blender's")
 
-    def execute(self, context):
+    def run(self, context):
         selected = chosen(context)
         for rig in rigs.known():
             if rig.ob in selected or not selected:
                 rig.ob.sinew_accelerates_rig = False
         notice.redraw()
-        return {"FINISHED"}
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -193,6 +200,66 @@ def _switch_rig(ob: Any, context: Any) -> None:
         freezing.thaw([rig], scene, layer)
 
 
+class Bar(NamedTuple):
+    """A run of recorded frames, in pixels of the region."""
+
+    left: float
+    bottom: float
+    right: float
+    top: float
+    color: tuple[float, float, float, float]
+
+
+def marked(context: bpy.types.Context) -> list[rigs.Rig]:
+    """Returns the characters with a strip: those that are frozen or were, and the selected ones."""
+    selected = chosen(context)
+    found = [rig for rig in rigs.known() if len(rig.record) and (rig.is_wanted or rig.ob in selected)]
+    return sorted(found, key=lambda rig: rig.name)[:MOST_STRIPS]
+
+
+def bars(shown: Iterable[rigs.Rig], place: Callable[[float], float], height: float, scale: float) -> list[Bar]:
+    """Returns what is drawn. place: the pixel of a frame; height: of the region; scale: of the interface."""
+    shown = list(shown)
+    # Under the frame numbers, or over the lower border of a timeline that shows nothing else.
+    found, top = [], max(height - RULER * scale, len(shown) * (HEIGHT + GAP) * scale)
+    for rig in shown:
+        color = FROZEN if rig.is_idle else LIVE
+        bottom = top - HEIGHT * scale
+        found += [Bar(place(first - 0.5), bottom, place(last + 0.5), top, color) for first, last in rig.record.runs()]
+        top = bottom - GAP * scale
+    return found
+
+
+def _draw_strips() -> None:
+    context = bpy.context
+    shown = marked(context)
+    if not shown:
+        return
+    region = context.region
+    drawn = bars(
+        shown,
+        lambda frame: region.view2d.view_to_region(frame, 0, clip=False)[0],
+        region.height,
+        context.preferences.system.ui_scale,
+    )
+    shader = gpu.shader.from_builtin("2D_UNIFORM_COLOR" if bpy.app.version < (4, 0, 0) else "UNIFORM_COLOR")
+    gpu.state.blend_set("ALPHA")
+    for color in {bar.color for bar in drawn}:
+        corners = [corner for bar in drawn if bar.color == color for corner in _triangles(bar)]
+        shader.bind()
+        shader.uniform_float("color", color)
+        batch_for_shader(shader, "TRIS", {"pos": corners}).draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+def _triangles(bar: Bar) -> list[tuple[float, float]]:
+    left, bottom, right, top, _color = bar
+    return [(left, bottom), (right, bottom), (right, top), (left, bottom), (right, top), (left, top)]
+
+
+_strips = Drawn(bpy.types.SpaceDopeSheetEditor, _draw_strips, "POST_PIXEL")
+
+
 CLASSES = (Record, RecordOthers, LeaveToBlender, SidebarRigs)
 
 
@@ -215,9 +282,12 @@ def register() -> None:
         override={"LIBRARY_OVERRIDABLE"},
         update=_switch_rig,
     )
+    if not bpy.app.background:
+        _strips.show()
 
 
 def unregister() -> None:
+    _strips.hide()
     del bpy.types.Object.sinew_accelerates_rig
     del bpy.types.Scene.sinew_accelerates_rigs
     for cls in reversed(CLASSES):

@@ -150,24 +150,21 @@ class TryAgain(available.Explains, bpy.types.Operator):
     def why_not(cls, _context):
         return "" if memory_use.has_crashed() else "Blender has not crashed while Sinew used its memory"
 
-    def execute(self, _context):
+    def run(self, _context):
         memory_use.try_again()
         _apply_use()
-        return {"FINISHED"}
 
 
-class OpenManual(bpy.types.Operator):
+class OpenManual(available.Reports, bpy.types.Operator):
     """Open the manual of this version of Sinew in a browser"""
 
     bl_idname = "wm.sinew_manual"
     bl_label = "Sinew Manual"
 
-    def execute(self, _context):
+    def run(self, _context):
         if not MANUAL.exists():
-            self.report({"ERROR"}, f"There is no manual at {MANUAL}: install Sinew again")
-            return {"CANCELLED"}
+            raise ValueError(f"There is no manual at {MANUAL}: install Sinew again")
         bpy.ops.wm.url_open(url=MANUAL.as_uri())
-        return {"FINISHED"}
 
 
 CLASSES = (onion_settings.SinewOnionSettings, TryAgain, OpenManual, SinewPreferences)

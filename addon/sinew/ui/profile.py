@@ -33,8 +33,8 @@ class MeasureProfile(available.Explains, InSteps, bpy.types.Operator):
     def why_not(cls, context):
         return available.other_mode(context, *available.MODES) or available.playing(context)
 
-    def execute(self, context):
-        return self.at_once(lambda: self.finish(context, measure.run(context, *self._frames(context))))
+    def run(self, context):
+        return self.finish(context, measure.run(context, *self._frames(context)))
 
     def invoke(self, context, _event):
         if context.window is None:
@@ -48,11 +48,9 @@ class MeasureProfile(available.Explains, InSteps, bpy.types.Operator):
             self.frame_end if self.properties.is_property_set("frame_end") else last,
         )
 
-    def finish(self, context: bpy.types.Context, profile: costs.Profile) -> set[str]:
+    def finish(self, _context: bpy.types.Context, profile: costs.Profile) -> None:
         costs.last[:] = [profile]
-        for area in context.screen.areas if context.screen else ():
-            area.tag_redraw()
-        return {"FINISHED"}
+        notice.redraw()
 
 
 class AccelerateOne(available.Explains, bpy.types.Operator):
@@ -61,23 +59,15 @@ class AccelerateOne(available.Explains, bpy.types.Operator):
     bl_idname = "object.sinew_accelerate_one"
     bl_label = "Accelerate"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+    modes = tuple(available.MODES)
 
     name: StringProperty(options={"SKIP_SAVE"})
 
-    @classmethod
-    def why_not(cls, context):
-        return available.other_mode(context, *available.MODES)
-
-    def execute(self, _context):
+    def run(self, _context):
         ob = bpy.data.objects.get((self.name, None))
-        try:
-            if ob is None:
-                raise bindable.BindingError(f"{self.name} no longer exists: measure again")
-            bind.bind(ob, bindable.armature_to_bind(ob))
-        except bindable.BindingError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        if ob is None:
+            raise ValueError(f"{self.name} no longer exists: measure again")
+        bind.bind(ob, bindable.armature_to_bind(ob))
 
 
 class SidebarProfile(InSidebar, bpy.types.Panel):

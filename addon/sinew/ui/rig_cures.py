@@ -1,4 +1,5 @@
-"""The buttons beside the sentence that says why a rig, or a mesh, is left to Blender."""
+"""What the panels say about the rig of a mesh: whether it is computed natively, or why it is not. Buttons beside the
+sentence that says why a rig, or a mesh, is left to Blender."""
 
 import json
 import re
@@ -10,19 +11,19 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper
 
-from ..blender import animation, armatures, dependencies
+from ..blender import animation, armatures, dependencies, selection
 from ..blender.spoken_paths import spoken
 from ..description import reading
 from ..feedback import notice
+from ..host import contract, features
 from ..played import changes, differences, rigs
 from ..run import characters
-from ..to_bones import writing
-from .weights import enter_pose_mode, select_bones
+from . import available
 
 _NAMES_DRIVER = re.compile(r"\bdriver of\b|\bhas a driver\b|\bis driven\b", re.IGNORECASE)
 
 
-def draw(layout: bpy.types.UILayout, armature: Any, reason: str) -> None:
+def draw_buttons(layout: bpy.types.UILayout, armature: Any, reason: str) -> None:
     """Draws the buttons for what keeps an armature from being native. reason: the sentence, or ""."""
     rig, row = rigs.get(armature), layout.row(align=True)
     if rig is None:
@@ -109,18 +110,17 @@ def _named(context: bpy.types.Context, name: str) -> Any:
     return next((each for each in context.view_layer.objects if each.name_full == name), None)
 
 
-class _OfRig:
+class _OfRig(available.Reports):
     """What the operators of one armature's buttons have in common. Each defines `cure(context, rig)`."""
 
     armature: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
-    def execute(self: Any, context):
+    def run(self: Any, context):
         ob = _named(context, self.armature)
         rig = rigs.get(ob) if ob is not None else None
         if rig is None:
-            self.report({"ERROR"}, f"No rig {self.armature or 'without a name'} of this view layer was accelerated")
-            return {"CANCELLED"}
-        return self.cure(context, rig)
+            raise ValueError(f"No rig {self.armature or 'without a name'} of this view layer was accelerated")
+        self.cure(context, rig)
 
 
 class SelectBone(_OfRig, bpy.types.Operator):
@@ -133,20 +133,17 @@ class SelectBone(_OfRig, bpy.types.Operator):
     def cure(self, context, rig):
         name = bone_of(rig.ob, sentences_about(rig.ob))
         if not name:
-            self.report({"ERROR"}, f"No bone keeps {rig.name} from being native")
-            return {"CANCELLED"}
+            raise ValueError(f"No bone keeps {rig.name} from being native")
         if not rig.ob.visible_get():
-            self.report({"ERROR"}, f"{rig.name} is hidden: show it first")
-            return {"CANCELLED"}
+            raise ValueError(f"{rig.name} is hidden: show it first")
         if context.mode not in {"OBJECT", "POSE"} or context.active_object not in (None, rig.ob):
             bpy.ops.object.mode_set(mode="OBJECT")
-        enter_pose_mode(context, rig.ob)
-        select_bones(rig.ob, {name})
+        selection.pose(context, rig.ob)
+        selection.select_bones(rig.ob, {name})
         rig.ob.data.bones.active = rig.ob.data.bones[name]
-        return {"FINISHED"}
 
 
-class ShowDriver(bpy.types.Operator):
+class ShowDriver(available.Reports, bpy.types.Operator):
     """Select the driver that the sentence is about, with its object, and show it in an editor for curves if one is
     open"""
 
@@ -156,20 +153,18 @@ class ShowDriver(bpy.types.Operator):
 
     armature: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
-    def execute(self, context):
+    def run(self, context):
         ob = _named(context, self.armature) if self.armature else context.active_object
         curve = driver_of(ob, sentences_about(ob)) if ob is not None else None
         if curve is None:
-            self.report({"ERROR"}, f"No driver keeps {self.armature or 'the active object'} from Sinew")
-            return {"CANCELLED"}
+            raise ValueError(f"No driver keeps {self.armature or 'the active object'} from Sinew")
         block = curve.id_data
         owner = _object_with(block, context.view_layer)
         if owner is None or not owner.visible_get():
-            self.report({"ERROR"}, f"{block.name} is hidden, or in no object of this view layer: show it first")
-            return {"CANCELLED"}
+            raise ValueError(f"{block.name} is hidden, or in no object of this view layer: show it first")
         if context.mode != "OBJECT" and context.active_object != owner:
             bpy.ops.object.mode_set(mode="OBJECT")
-        writing.select(context, owner, (owner,))
+        selection.select(context, owner, (owner,))
         for each in block.animation_data.drivers:
             each.select = each == curve
         areas = [each for each in context.screen.areas if each.type == "GRAPH_EDITOR"] if context.screen else []
@@ -177,7 +172,6 @@ class ShowDriver(bpy.types.Operator):
             area.ui_type = "DRIVERS"
         where = "" if areas else ": open an editor of the type Drivers to see it"
         self.report({"INFO"}, f"Selected the driver of {spoken(curve.data_path)} of {block.name}{where}")
-        return {"FINISHED"}
 
 
 def _object_with(block: Any, layer: Any) -> Any:
@@ -197,10 +191,9 @@ class AccelerateAgain(_OfRig, bpy.types.Operator):
     def cure(self, _context, rig):
         changes.trust(rig)
         notice.redraw()
-        return {"FINISHED"}
 
 
-class ReportRig(bpy.types.Operator, ExportHelper):
+class ReportRig(available.Reports, bpy.types.Operator, ExportHelper):
     """Write the rig and both poses of the frame on which they differ to a file, for Sinew's developers"""
 
     bl_idname = "object.sinew_report_rig"
@@ -210,20 +203,57 @@ class ReportRig(bpy.types.Operator, ExportHelper):
     filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
     armature: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
-    def execute(self, context):
+    def run(self, context):
         rig = next((each for each in rigs.known() if each.ob.name_full == self.armature), None)
         if rig is None or rig.difference is None:
-            self.report({"ERROR"}, f"No difference from Blender was found in {self.armature or 'any armature'}")
-            return {"CANCELLED"}
-        try:
-            found = differences.report(rig, context.evaluated_depsgraph_get())
-            Path(self.filepath).write_text(json.dumps(found, default=reading.as_list) + "\n", encoding="utf-8")
-        except (ValueError, OSError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            raise ValueError(f"No difference from Blender was found in {self.armature or 'any armature'}")
+        found = differences.report(rig, context.evaluated_depsgraph_get())
+        Path(self.filepath).write_text(json.dumps(found, default=reading.as_list) + "\n", encoding="utf-8")
         self.report({"INFO"}, f"Wrote {self.filepath}")
-        return {"FINISHED"}
 
 
 CLASSES = (SelectBone, ShowDriver, AccelerateAgain, ReportRig)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)
+
+
+def draw_rig(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) -> None:
+    """Draws the switch, and how it is with one armature."""
+    if not reading.CAN_READ:
+        return
+    column = layout.column(align=True)
+    column.prop(armature, "sinew_accelerates_rig")
+    text, reason = "Rig: Blender's, since the scene's Accelerate Rigs is off", ""
+    if context.scene.sinew_accelerates_rigs:
+        text, reason = text_of(armature)
+    if rigs.get(armature) is not None:  # always two lines, so that nothing moves below while somebody poses
+        first, second = (text.splitlines() + ["", ""])[:2]
+        column.label(text=first, icon="ARMATURE_DATA" if first else "BLANK1")
+        column.label(text=second, icon="BLANK1")
+    if reason:
+        notice.draw_sentence(column, context, reason, False)
+    draw_buttons(column, armature, reason)
+
+
+def text_of(armature: Any) -> tuple[str, str]:
+    """Returns how it is with an armature, one or two lines, and why Blender evaluates it, a sentence; "" for nothing to
+    say."""
+    if not contract.has(features.FREEZING):
+        return "", contract.why_not(features.FREEZING)
+    rig = rigs.get(armature)
+    if rig is None:
+        return "", ""
+    if rig.is_frozen and rig.source.is_proven:
+        own, blender = rig.source.milliseconds, rig.source.blender_milliseconds
+        if not own or not blender:
+            return "Rig: native", ""
+        gain = f", {blender / own:.1f} times faster" if blender > own else ""
+        return f"Rig: native{gain}\n{own:.2f} ms (Blender {blender:.2f})", ""
+    if rig.is_idle:
+        return "Rig: native" if rig.is_posable else "Rig: recorded", ""
+    return "Rig: Blender's", "" if rig.stays_live or not rig.needs_program else rig.reason
+
+
+def compared(armature: Any) -> int:
+    """Returns on how many frames the rig of an armature was compared with Blender, if it is native."""
+    rig = rigs.get(armature) if armature is not None else None
+    return len(rig.source.compared) if rig is not None and rig.source.is_proven else 0

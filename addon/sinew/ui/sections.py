@@ -13,7 +13,7 @@ from ..main import memory_use, whole_frames
 from ..native import sinew_native
 from ..plan import bindable, survey, ways
 from ..stencils import searching
-from . import advice, cures, display, method_settings, rig_cures, rig_line
+from . import advice, cures, display, method_settings, rig_cures
 from .bake import Bake, PlayCache, TakeOffCache
 from .crowd import AddCrowd, RenewCrowd
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
@@ -108,7 +108,7 @@ def draw_armature(layout: bpy.types.UILayout, context: bpy.types.Context, armatu
         column = layout.column()
         for ob in [ob for ob in meshes if ob.sinew.is_bound][:MOST_MESHES]:
             column.prop(ob.sinew, "method", text=ob.name)
-        rig_line.draw(layout, context, armature)
+        rig_cures.draw_rig(layout, context, armature)
         draw_unbind(layout, context)
     draw_display(layout, armature)
 
@@ -128,7 +128,7 @@ def draw_bound(layout: bpy.types.UILayout, context: bpy.types.Context, ob: bpy.t
     draw_switches(column, ob)
     armature = display.armature_of(ob)
     if armature is not None and settings.source != "CLIP":
-        rig_line.draw(layout, context, armature)
+        rig_cures.draw_rig(layout, context, armature)
     draw_display(layout, ob)
     draw_unbind(layout, context)
     for warning in warnings:
@@ -277,7 +277,7 @@ def draw_details(layout: bpy.types.UILayout, context: bpy.types.Context, entry: 
     if measured is not None:
         draw_value(column, "Whole Frame", f"{measured.sinew:.2f} ms")
         draw_value(column, "Without Sinew", f"{measured.blender:.2f} ms")
-    compared = rig_line.compared(display.armature_of(ob))
+    compared = rig_cures.compared(display.armature_of(ob))
     if compared:
         draw_value(column, "Rig Compared", f"{compared} frame{'s' * (compared != 1)}")
     draw_value(column, "Instructions", sinew_native.instruction_set())

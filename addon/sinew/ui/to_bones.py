@@ -1,18 +1,19 @@
 """Operators that bake the selected meshes, or a rig, to bones."""
 
+from dataclasses import replace
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty
 
 from ..to_bones import conversion, exact, gltf
+from ..to_bones.bake_options import ExactOptions, FoundOptions
 from ..to_bones.bone_names import read_names
 from ..to_bones.exact_report import ExactReport
 from ..to_bones.report import Report
-from . import available
-from .in_steps import InSteps
+from . import available, option_properties
+from .in_steps import InSteps, OverFrames
 from .operators import selected_meshes
-from .over_frames import OverFrames
 
 SOURCES = (
     ("NEW", "New Bones", "Find bones that play the deformation best"),
@@ -24,97 +25,28 @@ SOURCES = (
         "meshes keep their weights",
     ),
 )
-ROOT_MOTIONS = (
-    ("BONES", "As It Is", "Each bone moves as the rig's"),
-    ("ROOT", "To the Root", "The root moves along the ground with the first bone below it; the pose stays the same"),
-    ("IN_PLACE", "In Place", "What moves the first bone below the root along the ground is left out"),
-)
 EXACT_OPTIONS = ("root", "root_motion", "is_flat", "has_segments", "roots_alone_move", "copies_meshes")
 
 
-class ToBonesSettings(OverFrames):
+@option_properties.added(ExactOptions)
+@option_properties.added(FoundOptions)
+class ToBonesSettings(available.Explains, OverFrames):
     """The properties that BakeToBones and BakeToBonesSteps, which does the work, share."""
 
     source: EnumProperty(name="Bones", description="Which bones the new armature has", items=SOURCES)
-    bones: IntProperty(
-        name="Number of Bones",
-        description="The largest number of bones to find; fewer, if fewer play the deformation exactly",
-        default=20,
-        min=1,
-        soft_max=200,
-        max=2048,
-    )
-    max_influences: IntProperty(
-        name="Most Bones per Vertex",
-        description="Game engines often allow 4 or 8",
-        default=4,
-        min=1,
-        soft_max=8,
-        max=64,
-    )
-    iterations: IntProperty(
-        name="Iterations",
-        description="At most so often weights and motions are found in turns",
-        default=30,
-        min=1,
-        soft_max=200,
-        max=10000,
-    )
-    tolerance: FloatProperty(
-        name="Tolerance",
-        description="Stop when three iterations lower the error by less than this share of it; 0: do all iterations",
-        default=1e-3,
-        min=0.0,
-        max=1.0,
-        precision=4,
-    )
-
     all_actions: BoolProperty(
         name="All Actions",
         description="Bake each action that moves the rig's bones, on its own frames; otherwise the scene as it plays",
         default=True,
     )
-    actions: StringProperty(name="Named", description="Only actions with such names, for example walk*", default="*")
-    skeleton: StringProperty(
-        name="Skeleton",
-        description="The armature to update: bones of the same names get the new actions; empty: make a new one",
-    )
-    root: StringProperty(
-        name="Root", description="The bone of the rig below which all others are put, whether it deforms or not"
-    )
-    root_motion: EnumProperty(name="Root Motion", description="What the root does", items=ROOT_MOTIONS)
-    is_flat: BoolProperty(
-        name="No Hierarchy",
-        description="No bone but the root has children. Bones below a stretched one then stay exact in engines",
-    )
-    has_segments: BoolProperty(
-        name="Bones for B-Bones",
-        description="A bone for each end of a B-bone's segments, and weights split between them; otherwise one bone",
-    )
-    roots_alone_move: BoolProperty(
-        name="Only Roots Move", description="Key the location of bones without parents alone; others rotate"
-    )
-    copies_meshes: BoolProperty(
-        name="Copy Meshes", description="Put copies of the meshes with their weights onto a new skeleton", default=True
-    )
-    key_error: FloatProperty(
-        name="Key Error",
-        description="Leave out keyframes for which straight lines do, as long as no bone is further off than this on "
-        "any frame; 0: a keyframe on each frame",
-        default=0.0,
-        min=0.0,
-        soft_max=0.1,
-        precision=4,
-        subtype="DISTANCE",
-    )
-    names: StringProperty(
-        name="Names",
-        description="Text file with other names for bones, a line NAME = NEW NAME each",
-        subtype="FILE_PATH",
-    )
-    gltf: StringProperty(
-        name="glTF", description="Also write the skeleton and the meshes to this .glb file", subtype="FILE_PATH"
-    )
+
+    @classmethod
+    def why_not(cls, context):
+        active = context.view_layer.objects.active
+        is_armature = active is not None and active.type == "ARMATURE" and active.select_get()
+        has_any = is_armature or selected_meshes(context)
+        why = available.other_mode(context, "OBJECT") or available.playing(context)
+        return why or ("" if has_any else "Select meshes, or an armature")
 
     def exact_job(self: Any, context: bpy.types.Context) -> exact.ExactSettings:
         return exact.ExactSettings(
@@ -135,22 +67,11 @@ class ToBonesSettings(OverFrames):
         return bake(context, selected_meshes(context), self.job(context))
 
     def job(self: Any, context: bpy.types.Context) -> conversion.Settings:
-        bones = self.bones if self.source == "NEW" else 0
-        return conversion.Settings(
-            self.frames(context.scene), bones, self.max_influences, self.iterations, self.tolerance
-        )
+        found = replace(option_properties.read(self, FoundOptions), **{} if self.source == "NEW" else {"bones": 0})
+        return conversion.Settings(self.frames(context.scene), **vars(found))
 
 
-def not_now(context: bpy.types.Context) -> str:
-    """Returns what to do before anything can be baked to bones; "" if it can."""
-    active = context.view_layer.objects.active
-    is_armature = active is not None and active.type == "ARMATURE" and active.select_get()
-    has_any = is_armature or selected_meshes(context)
-    why = available.other_mode(context, "OBJECT") or available.playing(context)
-    return why or ("" if has_any else "Select meshes, or an armature")
-
-
-class BakeToBones(available.Explains, ToBonesSettings, bpy.types.Operator):
+class BakeToBones(ToBonesSettings, bpy.types.Operator):
     """Make an armature with keyframes, and copies of the selected meshes with weights, which play what the meshes do on
     each frame, whatever deforms them, or what a rig does in all its actions: for game engines and other programs. All
     selected meshes get one armature. Esc stops it, and nothing has changed"""
@@ -158,10 +79,6 @@ class BakeToBones(available.Explains, ToBonesSettings, bpy.types.Operator):
     bl_idname = "object.sinew_bake_to_bones"
     bl_label = "Bake to Bones"
     bl_options = {"PRESET"}
-
-    @classmethod
-    def why_not(cls, context):
-        return not_now(context)
 
     def invoke(self, context, _event):
         self.set_frames(context.scene)
@@ -201,11 +118,11 @@ class BakeToBones(available.Explains, ToBonesSettings, bpy.types.Operator):
         for name in ("key_error", "names", "gltf"):
             self.layout.prop(self, name)
 
-    def execute(self, _context):
+    def run(self, _context):
         return self.start(bpy.ops.object.sinew_bake_to_bones_steps)
 
 
-class BakeToBonesSteps(available.Explains, ToBonesSettings, InSteps, bpy.types.Operator):
+class BakeToBonesSteps(ToBonesSettings, InSteps, bpy.types.Operator):
     """Bake the selected meshes to bones, without a dialog"""
 
     bl_idname = "object.sinew_bake_to_bones_steps"
@@ -214,22 +131,17 @@ class BakeToBonesSteps(available.Explains, ToBonesSettings, InSteps, bpy.types.O
     stopped = "Stopped: nothing was made"
     seconds_in_a_row = 0.1
 
-    @classmethod
-    def why_not(cls, context):
-        return not_now(context)
-
-    def execute(self, context):
-        return self.at_once(lambda: self.finish(context, self.work(context, is_in_steps=False)))
+    def run(self, context):
+        return self.finish(context, self.work(context, is_in_steps=False))
 
     def invoke(self, context, _event):
         return self.at_once(lambda: self.begin(context, self.work(context, is_in_steps=True)))
 
-    def finish(self, context: bpy.types.Context, report: Report | ExactReport) -> set[str]:
+    def finish(self, context: bpy.types.Context, report: Report | ExactReport) -> None:
         if isinstance(report, ExactReport) and self.gltf:
             made = [bpy.data.objects[name] for name in (report.armature, *report.objects)]
             gltf.export(context, made, bpy.path.abspath(self.gltf))
         self.report({"INFO"}, report.sentence())
-        return {"FINISHED"}
 
 
 def draw_operator(layout: bpy.types.UILayout) -> None:

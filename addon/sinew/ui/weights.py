@@ -2,99 +2,33 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import astuple
 from typing import Any
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from ..blender import meshes
+from ..blender import meshes, selection
 from ..feedback import notice
 from ..plan import bindable
-from ..weights import assigning, bone_segments, checking, checks, parenting, pose_checks, reports, rigid
-from . import available
-from .in_background import InBackground
-
-ENDS = (
-    (
-        bone_segments.AUTOMATIC,
-        "Automatic",
-        "To the tail, unless most tails are far from the next bone, as in rigs from files without tails",
-    ),
-    (bone_segments.TAIL, "Head to Tail", "The bones as they are drawn"),
-    (bone_segments.CHILD, "Head to Child", "To the next bone. For imported rigs, whose tails are guesses"),
-)
-
+from ..weights import assigning, checking, checks, parenting, reports
+from ..weights.weight_settings import AutomaticSettings, CheckSettings
+from . import available, option_properties
+from .in_steps import InBackground
 
 SELECT = "RESTRICT_SELECT_OFF"  # an icon
 
 
+@option_properties.added(AutomaticSettings)
 class WeightSettings:
     """The properties of the operators that make weights."""
 
-    ends: EnumProperty(name="Bones", description="The line that each bone stands for", items=ENDS)
-    stiffness: FloatProperty(
-        name="Stiffness",
-        description="How closely weights follow the nearest bone: small values are soft, large ones stiff",
-        default=8.0,
-        min=0.1,
-        soft_max=50.0,
-        max=1e4,
-    )
-    resolution: IntProperty(
-        name="Resolution",
-        description="Voxels along the longest side, which measure distances inside the mesh",
-        default=128,
-        min=16,
-        max=256,
-    )
-    max_influences: IntProperty(
-        name="Most Bones",
-        description="The largest number of bones per vertex, for game engines often 4; 0: no limit",
-        default=0,
-        min=0,
-        soft_max=8,
-    )
-    rigid_size: FloatProperty(
-        name="Rigid Parts",
-        description="Loose parts that are smaller than this share of the mesh's size do not bend: buttons, buckles, "
-        "teeth, eyes. 0: all parts bend",
-        default=rigid.SIZE,
-        min=0.0,
-        max=1.0,
-        subtype="FACTOR",
-        precision=3,
-    )
-    rigid_follow: EnumProperty(
-        name="They Follow",
-        description="What rigid parts follow",
-        items=(
-            ("attachment", "Surface", "The closest point of the rest of the mesh"),
-            ("bone", "One Bone", "The bone that moves them most"),
-        ),
-    )
-
-    rigid_group: StringProperty(
-        name="Rigid Group",
-        description="Vertices in the vertex group of this name do not bend: each connected piece of them is rigid",
-        default=rigid.GROUP,
-    )
     is_selected_rigid: BoolProperty(
         name="Selected Are Rigid",
         description="The vertices that are selected in Edit Mode do not bend: each connected piece of them is rigid",
         default=False,
     )
-
-    def weight_settings(self: Any) -> assigning.Settings:
-        return assigning.Settings(
-            self.ends,
-            self.resolution,
-            self.stiffness,
-            self.max_influences,
-            self.rigid_size,
-            self.rigid_follow,
-            self.rigid_group,
-        )
 
     def chosen_rigid(self: Any, objects: Any) -> dict[str, np.ndarray]:
         """Returns the vertices of each object that are to be rigid because they are selected."""
@@ -104,12 +38,11 @@ class WeightSettings:
 class MakesWeights(available.Explains, WeightSettings, InBackground):
     """What the operators that make weights have in common."""
 
-    def tell(self: Any, report: reports.Report, warnings: Sequence[str] = ()) -> set[str]:
+    def tell(self: Any, report: reports.Report, warnings: Sequence[str] = ()) -> None:
         self.report({"WARNING"} if report.unweighted else {"INFO"}, report.sentence())
         for warning in warnings:
             self.report({"WARNING"}, warning)
         notice.redraw()
-        return {"FINISHED"}
 
 
 class ParentWithWeights(MakesWeights, bpy.types.Operator):
@@ -131,11 +64,11 @@ class ParentWithWeights(MakesWeights, bpy.types.Operator):
         objects = [ob for ob in context.selected_objects if ob.type == "MESH"]
         assigning.refuse(objects, armature)
         for ob in objects:
-            why = parenting.why_not(ob, armature)
-            if why:
-                raise ValueError(f"{ob.name} {why}")
+            parenting.refuse(ob, armature)
         context.view_layer.update()
-        return assigning.Assignment(objects, armature, self.weight_settings(), chosen_rigid=self.chosen_rigid(objects))
+        return assigning.Assignment(
+            objects, armature, option_properties.read(self, AutomaticSettings), chosen_rigid=self.chosen_rigid(objects)
+        )
 
     def finish(self, _context, made):
         report = made.write()
@@ -152,27 +85,24 @@ class AssignFromBones(MakesWeights, bpy.types.Operator):
 
     bl_idname = "object.sinew_assign_from_bones"
     bl_label = "Assign from Bones (Sinew)"
-
-    @classmethod
-    def why_not(cls, context):
-        return available.other_mode(context, "PAINT_WEIGHT")
+    modes = ("PAINT_WEIGHT",)
 
     def assignment(self, context):
         ob = context.active_object
         armature = bindable.find_armature(ob)
         if armature is None:
             raise ValueError(f"{ob.name} has no armature: give it an Armature modifier, or parent it to an armature")
-        names = selected_bones(armature)
+        names = selection.selected_bones(armature)
         if not names:
             raise ValueError(
                 f"no bone of {armature.name} is selected: select the bones whose weights to make (Ctrl or Shift+Ctrl "
                 "and click in Weight Paint, if the armature is in Pose Mode)"
             )
-        free = masked(ob.data)
+        free = selection.masked(ob.data)
         return assigning.Assignment(
             [ob],
             armature,
-            self.weight_settings(),
+            option_properties.read(self, AutomaticSettings),
             names,
             None if free is None else {ob.name: free},
             self.chosen_rigid([ob]),
@@ -180,41 +110,6 @@ class AssignFromBones(MakesWeights, bpy.types.Operator):
 
     def finish(self, _context, made):
         return self.tell(made.write())
-
-
-def selected_bones(armature: bpy.types.Object) -> list[str]:
-    """Returns the names of the selected bones."""
-    return [bone.name for bone in armature.pose.bones if (bone.select if hasattr(bone, "select") else bone.bone.select)]
-
-
-def enter_pose_mode(context: bpy.types.Context, armature: bpy.types.Object) -> None:
-    """Selects only an armature object that is visible, and goes to Pose Mode with it."""
-    for other in context.selected_objects:
-        other.select_set(False)
-    armature.select_set(True)
-    context.view_layer.objects.active = armature
-    bpy.ops.object.mode_set(mode="POSE")
-
-
-def select_bones(armature: bpy.types.Object, names: Any) -> None:
-    """Selects only the bones of these names."""
-    for bone in armature.pose.bones:
-        owner = bone if hasattr(bone, "select") else bone.bone  # 5.0, before
-        owner.select = bone.name in names
-
-
-def masked(mesh: bpy.types.Mesh) -> np.ndarray | None:
-    """Returns the vertices that the mask of Weight Paint lets tools change, (V,) bool; None without a mask."""
-    if not mesh.use_paint_mask_vertex and not mesh.use_paint_mask:
-        return None
-    if mesh.use_paint_mask_vertex:
-        return meshes.selected_vertices(mesh)
-    faces = np.empty(len(mesh.polygons), bool)
-    mesh.polygons.foreach_get("select", faces)
-    _edges, offsets, corners = meshes.read_topology(mesh)
-    selected = np.zeros(len(mesh.vertices), bool)
-    selected[corners[np.repeat(faces, np.diff(offsets))]] = True
-    return selected
 
 
 class ChecksWeights(available.Explains, InBackground):
@@ -229,12 +124,13 @@ class ChecksWeights(available.Explains, InBackground):
         return why or ("" if meshes_to_check(context) else "Select meshes, or an armature that moves some")
 
     def assignment(self: Any, context):
-        return checking.Checking(self.objects(context), self.most_influences, math.degrees(self.angle))
+        return checking.Checking(self.objects(context), *astuple(option_properties.read(self, CheckSettings)))
 
     def objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
         return meshes_to_check(context)
 
 
+@option_properties.added(CheckSettings)
 class CheckWeights(ChecksWeights, bpy.types.Operator):
     """Look for vertices without weights, weights that do not sum to 1, too many bones per vertex, weights in bones that
     are far away, parts that move apart from the surface they lie on, bones that move nothing, and edges that a bent
@@ -244,27 +140,10 @@ class CheckWeights(ChecksWeights, bpy.types.Operator):
     bl_label = "Check Weights"
     bl_options = {"REGISTER"}
 
-    most_influences: IntProperty(
-        name="Most Bones",
-        description="Find vertices with more bones than this",
-        default=checks.MOST_INFLUENCES,
-        min=1,
-        soft_max=16,
-    )
-    angle: FloatProperty(
-        name="Test Poses",
-        description="The angle by which each bone is bent to see how far it stretches the mesh",
-        default=math.radians(pose_checks.ANGLE),
-        min=0.0,
-        max=math.pi,
-        subtype="ANGLE",
-    )
-
     def finish(self, _context, made):
         reports.remember(made.checkup)
         self.report({"INFO"}, made.checkup.sentence())
         notice.redraw()
-        return {"FINISHED"}
 
 
 def meshes_to_check(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -276,6 +155,7 @@ def meshes_to_check(context: bpy.types.Context) -> list[bpy.types.Object]:
     return [ob for ob in found if bindable.find_armature(ob) is not None]
 
 
+@option_properties.added(CheckSettings)
 class SelectWeightProblem(ChecksWeights, bpy.types.Operator):
     """Select the vertices with this problem. In Weight Paint they are the mask; otherwise the mesh goes to Edit Mode"""
 
@@ -283,15 +163,6 @@ class SelectWeightProblem(ChecksWeights, bpy.types.Operator):
     bl_label = "Select Vertices by Weight Problem"
 
     problem: EnumProperty(name="Problem", items=checking.PROBLEMS, description="Which vertices to select")
-    most_influences: IntProperty(
-        name="Most Bones", description="For the vertices with more bones than this", default=4, min=1
-    )
-    angle: FloatProperty(
-        name="Test Poses",
-        description="The angle by which each bone is bent, for stretched vertices",
-        default=math.radians(pose_checks.ANGLE),
-        subtype="ANGLE",
-    )
     object_name: StringProperty(name="Mesh", description="Only this mesh; empty: the active one", options={"HIDDEN"})
 
     def objects(self, context):
@@ -310,20 +181,13 @@ class SelectWeightProblem(ChecksWeights, bpy.types.Operator):
             ob.data.use_paint_mask_vertex = True
         elif counts[ob.name]:
             self.show(context, ob)
-        return {"FINISHED"}
 
     def show(self, context: bpy.types.Context, ob: bpy.types.Object) -> None:
         """Shows the selection in Edit Mode."""
-        if not ob.visible_get() or ob.data.library is not None:
-            return
-        if context.mode != "OBJECT":
-            bpy.ops.object.mode_set(mode="OBJECT")
-        for other in context.selected_objects:
-            other.select_set(other == ob)
-        ob.select_set(True)
-        context.view_layer.objects.active = ob
-        context.tool_settings.mesh_select_mode = (True, False, False)
-        bpy.ops.object.mode_set(mode="EDIT")
+        if ob.visible_get() and ob.data.library is None:
+            if context.mode != "OBJECT":
+                bpy.ops.object.mode_set(mode="OBJECT")
+            selection.show_vertices(context, [ob])
 
 
 class SelectReportedBones(available.Explains, bpy.types.Operator):
@@ -347,20 +211,16 @@ class SelectReportedBones(available.Explains, bpy.types.Operator):
         why = available.other_mode(context, *available.MODES)
         return why or ("" if shown_report(context) is not None else "Check the weights first")
 
-    def execute(self, context):
+    def run(self, context):
         report = shown_report(context)
         names = getattr(report, "bones_outside", ()) if self.which == "OUTSIDE" else report.bones_without_vertices
         armature = context.view_layer.objects.get(report.armature)
         if armature is None or armature.type != "ARMATURE":
-            self.report(
-                {"ERROR"}, f"There is no armature {report.armature} in this view layer: check the weights again"
-            )
-            return {"CANCELLED"}
+            raise ValueError(f"There is no armature {report.armature} in this view layer: check the weights again")
         if context.mode == "OBJECT" and armature.visible_get():
-            enter_pose_mode(context, armature)
-        select_bones(armature, set(names))
+            selection.pose(context, armature)
+        selection.select_bones(armature, set(names))
         self.report({"INFO"}, f"{reports.counted(len(names), 'bone')} of {armature.name} selected")
-        return {"FINISHED"}
 
 
 def shown_report(context: bpy.types.Context) -> Any:

@@ -1,7 +1,6 @@
 """Makes weights for mesh objects from the bones of an armature: reads the scene, computes, writes vertex groups."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
@@ -11,24 +10,12 @@ import numpy as np
 from ..blender import armatures
 from ..deform import influences
 from ..native import sinew_native
-from . import bone_segments, reports, rigid, solid, table
+from . import bone_segments, reports, solid, table
 from .bone_segments import RestBones
 from .entries import Entries, stacked
+from .weight_settings import AutomaticSettings
 
 FAR_AWAY = 100.0  # sizes of the mesh: how far the bone is that stands for all bones that were not chosen
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How weights are made. The defaults suit a character."""
-
-    ends: str = bone_segments.AUTOMATIC  # of the bones' segments, as in bone_segments.choose
-    resolution: int = 128  # voxels along the longest side
-    stiffness: float = 8.0  # how close the weights stay to the nearest bone
-    max_influences: int = 0  # of a vertex; 0: no limit
-    rigid_size: float = rigid.SIZE  # loose parts that are smaller than this share of the mesh's size are rigid
-    rigid_follow: str = "attachment"  # what they follow: "attachment" or "bone"
-    rigid_group: str = rigid.GROUP  # vertices of the vertex group of this name are rigid, each connected piece of them
 
 
 def refuse(objects: Sequence[bpy.types.Object], armature: bpy.types.Object) -> None:
@@ -82,7 +69,7 @@ class Assignment:
         self,
         objects: Sequence[bpy.types.Object],
         armature: bpy.types.Object,
-        settings: Settings = Settings(),
+        settings: AutomaticSettings | None = None,
         names: Iterable[str] | None = None,
         free: Mapping[str, np.ndarray] | None = None,
         chosen_rigid: Mapping[str, np.ndarray] | None = None,
@@ -93,7 +80,7 @@ class Assignment:
         Raises ValueError."""
         refuse(objects, armature)
         self._start = perf_counter()
-        self.objects, self.armature, self._settings = list(objects), armature, settings
+        self.objects, self.armature, self._settings = list(objects), armature, settings or AutomaticSettings()
         bones = read_bones(armature)
         wanted = set(bones.names) if names is None else set(names)
         chosen = [i for i, name in enumerate(bones.names) if bones.deform[i] and name in wanted]
@@ -113,7 +100,7 @@ class Assignment:
         self._locked = np.array([[name in own for name in self.names] for own in locked], bool).reshape(
             len(objects), len(chosen)
         )
-        self.segments = bone_segments.choose(bones, np.array([*chosen, *rivals]), settings.ends)
+        self.segments = bone_segments.choose(bones, np.array([*chosen, *rivals]), self._settings.ends)
         self._refuse_infinite()
         self._solid = solid.collect(self.objects)
         self._before = [table.in_groups(ob) for ob in self.objects]
@@ -147,12 +134,12 @@ class Assignment:
         marked = np.zeros(len(self._solid.positions), bool)
         for number, (ob, before) in enumerate(zip(self.objects, self._before)):
             if self._settings.rigid_group not in self._deforming:
-                marked[self._range(number)] |= rigid.members(ob, before, self._settings.rigid_group)
+                marked[self._range(number)] |= solid.rigid_members(ob, before, self._settings.rigid_group)
             if ob.name in chosen:
                 marked[self._range(number)] |= chosen[ob.name]
         if not marked.any():
             return None
-        return rigid.pieces(marked, self._solid.positions, self._solid.edges())
+        return solid.rigid_pieces(marked, self._solid.positions, self._solid.edges())
 
     def _fixed_weights(self) -> Any:
         """Returns a sinew_native.WeightTable, fixed vertices x (solved bones + 1): the weights that the fixed vertices

@@ -10,6 +10,7 @@ import numpy as np
 from ..blender import meshes
 from ..native import sinew_native
 from . import mirrored_bones, reports, table
+from .weight_settings import MirrorSettings, SmoothSettings
 
 
 @dataclass(frozen=True)
@@ -109,15 +110,6 @@ class Edit:
         return len(self.positions) if self.free is None else int(np.count_nonzero(self.free))
 
 
-@dataclass(frozen=True)
-class SmoothSettings:
-    """How weights are smoothed, as in sinew_native.smooth_weights."""
-
-    steps: int = 5
-    factor: float = 0.5
-    strength: float = 0.0  # above 0: in one solve, without steps
-
-
 class Smoothing(Edit):
     """Smooths the weights of all bones along the edges of faces."""
 
@@ -137,14 +129,6 @@ class Smoothing(Edit):
         )
 
 
-@dataclass(frozen=True)
-class MirrorSettings:
-    """How weights are mirrored: in the space of the object, at its origin."""
-
-    axis: int = 0  # x, y, z
-    from_positive: bool = True
-
-
 class Mirroring(Edit):
     """Copies weights from one side to the other, by the closest points of the mirrored surface. Bones change places
     with those of the other side."""
@@ -152,12 +136,16 @@ class Mirroring(Edit):
     verb, defaults = "mirrored", MirrorSettings()
     needs_faces = "and weights are mirrored by the closest points of faces"
 
+    @property
+    def axis(self) -> int:
+        return "XYZ".index(self.settings.axis)
+
     def columns(self, names: tuple[str, ...], bones: tuple[str, ...]) -> tuple[str, ...]:
         in_object = np.array(self.ob.matrix_world.inverted_safe() @ self.armature.matrix_world)
         rest = self.armature.data.bones
         ends = np.array([[rest[name].head_local, rest[name].tail_local] for name in bones])
         ends = ends @ in_object[:3, :3].T + in_object[:3, 3]
-        other = mirrored_bones.pairs(bones, [bpy.utils.flip_name(name) for name in bones], ends, self.settings.axis)
+        other = mirrored_bones.pairs(bones, [bpy.utils.flip_name(name) for name in bones], ends, self.axis)
         self._other = {name: None if number < 0 else bones[number] for name, number in zip(bones, other.tolist())}
         wanted = {*names, *(self._other[name] for name in names)}
         return tuple(name for name in bones if name in wanted)
@@ -171,12 +159,12 @@ class Mirroring(Edit):
         return tuple(name for name in self.table.names if self._other[name] is None)
 
     def new_weights(self, progress: Any) -> Any:
-        side = "positive" if self.settings.from_positive else "negative"
-        toward = 1 if self.settings.from_positive else -1
-        if not (toward * self.positions[:, self.settings.axis] > 0).any():
+        side = self.settings.direction.lower()
+        toward = 1 if side == "positive" else -1
+        if not (toward * self.positions[:, self.axis] > 0).any():
             raise ValueError(
-                f"{self.ob.name} has no vertices on the {side} side of its {'XYZ'[self.settings.axis]} axis to copy "
-                "weights from: choose the other direction, or move its origin to the middle"
+                f"{self.ob.name} has no vertices on the {side} side of its {self.settings.axis} axis to copy weights "
+                "from: choose the other direction, or move its origin to the middle"
             )
         return sinew_native.mirror_weights(
             self.table.weights,
@@ -184,7 +172,8 @@ class Mirroring(Edit):
             self.face_offsets,
             self.face_vertices,
             self.pairs(),
+            axis=self.axis,
+            from_positive=side == "positive",
             mask=self.free,
             progress=progress,
-            **dataclasses.asdict(self.settings),
         )

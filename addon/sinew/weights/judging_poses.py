@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..blender import armatures, values
+from ..blender import armatures, temporary, values
 from ..feedback import progress as feedback
 from . import carriers
 
@@ -52,15 +52,12 @@ def on_frames(
     back = np.linalg.inv(_solid(armature, place))
     columns = [armature.pose.bones.find(name) for name in names]
     found = np.empty((len(frames), len(names), 4, 4))
-    before = scene.frame_current, scene.frame_subframe
-    try:
+    with temporary.frame_kept(scene):
         for number, frame in enumerate(frames):
             progress.step(number / len(frames), f"playing frame {frame}")
             scene.frame_set(frame)
             posed = armature.evaluated_get(context.evaluated_depsgraph_get())
             found[number] = place @ armatures.read_channels(posed)[columns].astype(np.float64) @ back
-    finally:
-        scene.frame_set(before[0], subframe=before[1])
     _check(found, armature, names, frames)
     return found
 
@@ -91,8 +88,8 @@ def _check(found, armature, names, frames):
         )
 
 
-def in_test_poses(armature: bpy.types.Object, names: Sequence[str], angle: float = TEST_ANGLE) -> np.ndarray:
-    """Returns (4 B, B, 4, 4): each of the bones of these names turned to and fro by an angle in degrees about its X and
+def in_test_poses(armature: bpy.types.Object, names: Sequence[str]) -> np.ndarray:
+    """Returns (4 B, B, 4, 4): each of the bones of these names turned to and fro by TEST_ANGLE about its X and
     Z axes, at rest otherwise. The bones that it carries go with it (`carriers`)."""
     place = _solid(armature, values.matrix_to_numpy(armature.matrix_world))
     bones, carried = armature.data.bones, carriers.carried(armature)
@@ -103,6 +100,6 @@ def in_test_poses(armature: bpy.types.Object, names: Sequence[str], angle: float
         back = np.linalg.inv(rest)
         moved = [number[each] for each in carried[name] if each in number]
         for pose, (axis, sign) in enumerate((axis, sign) for axis in "XZ" for sign in (1, -1)):
-            turn = np.array(Matrix.Rotation(math.radians(sign * angle), 4, axis), np.float64)
+            turn = np.array(Matrix.Rotation(math.radians(sign * TEST_ANGLE), 4, axis), np.float64)
             found[4 * column + pose, moved] = rest @ turn @ back
     return found

@@ -6,13 +6,15 @@ from ..blender import armatures
 from ..plan import bindable
 
 
-def why_not(ob: bpy.types.Object, armature: bpy.types.Object) -> str:
-    """Returns why the object cannot become the armature's child, as a clause without its subject, or ""."""
+def refuse(ob: bpy.types.Object, armature: bpy.types.Object) -> None:
+    """Raises ValueError if the object cannot become the armature's child."""
     above = armature
     while (above := above.parent) is not None:
         if above == ob:
-            return f"is above {armature.name} in the chain of parents, which would make a loop: clear that parent first"
-    return ""
+            raise ValueError(
+                f"{ob.name} is above {armature.name} in the chain of parents, which would make a loop: clear that "
+                "parent first"
+            )
 
 
 def deformed_twice(ob: bpy.types.Object, armature: bpy.types.Object) -> str:

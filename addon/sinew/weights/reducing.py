@@ -11,18 +11,10 @@ import numpy as np
 
 from ..native import sinew_native
 from . import editing, reports, solid
+from .weight_settings import ReduceSettings
 
 # Returns skinning matrices in world space (F, B, 4, 4) of an armature's bones of these names.
 Pose = Callable[[bpy.types.Object, tuple[str, ...]], np.ndarray]
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How weights are reduced."""
-
-    max_influences: int = 4
-    rings: int = 2  # over how many edges a bone fades out towards vertices that have lost it
-    tolerance: float = 0.0  # in world space; 0: none
 
 
 @dataclass(frozen=True)
@@ -63,10 +55,10 @@ class Report:
 class Reduction(editing.Edit):
     """Fewer bones per vertex. Locked groups stay, and count."""
 
-    verb = "reduced"
+    verb, defaults = "reduced", ReduceSettings()
 
     def __init__(
-        self, ob: bpy.types.Object, pose: Pose, settings: Settings = Settings(), free: np.ndarray | None = None
+        self, ob: bpy.types.Object, pose: Pose, settings: ReduceSettings | None = None, free: np.ndarray | None = None
     ) -> None:
         """Reads the object and, by `pose`, the poses in which moves are measured. Raises ValueError."""
         super().__init__(ob, settings, free)
@@ -76,7 +68,7 @@ class Reduction(editing.Edit):
         self.largest = np.zeros(len(self._places))  # (V,): move of each vertex over the poses, in world space
         self.mean = np.zeros(len(self._places))
 
-    def with_settings(self, settings: Settings) -> "Reduction":
+    def with_settings(self, settings: ReduceSettings) -> "Reduction":
         """Returns this with other settings, without reading anything again; computed, if only the tolerance is
         different. May be called while it is computed."""
         made = copy.copy(self)

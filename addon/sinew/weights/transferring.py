@@ -14,15 +14,7 @@ from ..native import sinew_native
 from ..plan import bindable
 from . import checks, parenting, reports, solid, table
 from .entries import Entries, stacked
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Which vertices get the weights of the closest point of the source, as in sinew_native.transfer_weights."""
-
-    distance: float = 0.05  # largest, share of the diagonal of the target's bounding box
-    angle: float = 30.0  # largest, degrees between the normals
-    flipped: bool = False  # whether normals may also be opposite
+from .weight_settings import TransferSettings
 
 
 @dataclass(frozen=True)
@@ -90,13 +82,13 @@ class Transfer:
         self,
         sources: Sequence[bpy.types.Object],
         targets: Sequence[bpy.types.Object],
-        settings: Settings = Settings(),
+        settings: TransferSettings | None = None,
         add_modifier: bool = False,
     ) -> None:
         """Reads everything. add_modifier: whether targets that nothing deforms get an Armature modifier, and become
         children of its armature: their own parent, else the first source's. Raises ValueError."""
         refuse(sources, targets)
-        self.sources, self.targets, self._settings = list(sources), list(targets), settings
+        self.sources, self.targets, self._settings = list(sources), list(targets), settings or TransferSettings()
         of_sources = dict.fromkeys(map(table.armature_of, self.sources))
         self.armature = next(iter(of_sources))
         bones = tuple(dict.fromkeys(name for each in of_sources for name in table.deforming(each)))
@@ -108,9 +100,7 @@ class Transfer:
         self._refuse_other_bones(of_sources)
         self._add_modifier = add_modifier
         for ob in self._to_parent():
-            why = parenting.why_not(ob, self._armature_for(ob))
-            if why:
-                raise ValueError(f"{ob.name} {why}")
+            parenting.refuse(ob, self._armature_for(ob))
         self._from = solid.collect(self.sources)
         if not len(self._from.face_vertices):
             raise ValueError(f"{_names(self.sources)} has no faces: weights are copied from the points of faces")

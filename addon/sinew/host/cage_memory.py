@@ -1,4 +1,5 @@
-"""Reads what Surface Deform and Mesh Deform modifiers were bound with, which Blender's API does not show."""
+"""Reads what Surface Deform and Mesh Deform modifiers were bound with, which Blender's API does not show, and what it
+does not show of lattices, or shows slowly."""
 
 import ctypes
 from typing import Any, NamedTuple
@@ -6,10 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..native import sinew_native
-from . import contract, features, proof
+from . import contract, deform_verts, features, proof
 
 _SURFACE, _MESH = "SurfaceDeformModifierData", "MeshDeformModifierData"
 _IS_BOUND = 1  # a bit of the flags; without it, Blender drops the binding at the next evaluation
+_INFLUENCE = np.dtype([("vertex", np.int32), ("weight", np.float32)])  # MDefInfluence
+_FIRST_POINT, _STEP = ("fu", "fv", "fw"), ("du", "dv", "dw")
 
 
 class Counts(NamedTuple):
@@ -83,9 +86,6 @@ def read_mesh(modifier: Any) -> tuple[np.ndarray, ...]:
     return offsets, influences["vertex"].copy(), influences["weight"].copy(), positions.reshape(-1, 3)
 
 
-_INFLUENCE = np.dtype([("vertex", np.int32), ("weight", np.float32)])  # MDefInfluence
-
-
 def _copied(address: int, count: int, dtype: Any) -> np.ndarray:
     """Returns a copy of the numbers at an address, (count,)."""
     if address == 0 or count <= 0:
@@ -98,3 +98,26 @@ def mesh_matrix(modifier: Any) -> np.ndarray:
     """Returns the matrix from the cage's space to that of its positions when the modifier was bound, (4, 4)
     float32."""
     return _matrix(modifier, _MESH, "bindmat")
+
+
+def rest_grid(lattice: Any) -> tuple[list[float], list[float]]:
+    """Returns where the points of a lattice at rest begin along u, v and w, and the distance between them."""
+    first, step = (
+        [ctypes.c_float.from_address(contract.region(lattice, "Lattice", name)[0]).value for name in names]
+        for names in (_FIRST_POINT, _STEP)
+    )
+    if proof.is_due("lattices"):
+        is_same = list(lattice.points[0].co) == first
+        proof.give("lattices", is_same, "the points of a lattice at rest are not where they were", features.LATTICES)
+    return first, step
+
+
+def read_weights(lattice: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Returns the weights of the points of a lattice, as deform_verts.read does; None if it has none."""
+    address = contract.address_at(contract.region(lattice, "Lattice", "*dvert")[0])
+    return deform_verts.read(address, len(lattice.points)) if address else None
+
+
+def group_names(lattice: Any) -> tuple[str, ...]:
+    """Returns the names of the vertex groups of this copy of a lattice."""
+    return deform_verts.group_names(lattice, "Lattice")

@@ -1,10 +1,11 @@
-"""Writes switches of evaluated objects' modifiers and drivers by address: through the API, a change would count as an
-edit.
+"""Writes switches of evaluated objects' modifiers and drivers by address, and copies modifiers as a whole.
 
-A modifier that Sinew replaces is switched off by a bit of its own, with which Blender disables a modifier for a while.
-Its switches for viewport and renders are left to the user, and to drivers and keyframes, which may set them on each
-frame: so they can be read in each evaluation.
-"""
+Through the API, a change of a switch would count as an edit. A modifier that Sinew replaces is switched off by a bit of
+its own, with which Blender disables a modifier for a while. Its switches for viewport and renders are left to the user,
+and to drivers and keyframes, which may set them on each frame: so they can be read in each evaluation.
+
+The API does not show all settings of modifiers. A Mirror that was made before Blender 3.0 merges the vertices in
+another order, in each newer Blender, too."""
 
 import ctypes
 from collections.abc import Callable
@@ -12,12 +13,16 @@ from typing import Any
 
 import bpy
 
-from . import contract, features, layout, proof
+from . import contract, features, layout, members, proof
 
 _VIEWPORT, _RENDER = 1, 2  # bits of a modifier's mode
 SWITCHES = _VIEWPORT | _RENDER
 _ASIDE = 1 << 31  # a bit of a modifier's mode: Blender does not evaluate it, whatever its switches are
 _MUTED = 1 << 4  # a bit of an F-curve's flag
+_WEIGHTS = "edge_weight_name", "vertex_weight_name"  # attributes
+# What every modifier has, such as its name and switches; what Blender writes when it evaluates one; and the names of
+# vertex groups and attributes, all of which the API shows.
+_WITHOUT = "modifier", "face_count", "defgrp_name", "shell_defgrp_name", "rim_defgrp_name", "vgroup", *_WEIGHTS
 
 
 def mute_driver(curve: Any) -> None:
@@ -54,7 +59,7 @@ def switch_modifier(modifier: Any, viewport: bool, render: bool) -> None:
 
 def aside_switch(modifier: Any) -> tuple[int, int, int]:
     """Returns what to change to keep Blender from evaluating a modifier of an evaluated object, as mode_switch."""
-    return contract.region(modifier, "ModifierData", "mode")[0], 0, _signed(_ASIDE)
+    return contract.region(modifier, "ModifierData", "mode")[0], 0, ctypes.c_int32(_ASIDE).value
 
 
 def put_aside(modifier: Any, is_aside: bool) -> None:
@@ -93,11 +98,6 @@ def prove() -> None:
         pass  # contract.trouble() tells
 
 
-def _signed(bits: int) -> int:
-    """Returns a number of 32 bits as an int32."""
-    return ctypes.c_int32(bits).value
-
-
 def _write(
     what: str,
     number: ctypes.c_int16 | ctypes.c_int32,
@@ -124,3 +124,44 @@ def _write(
         raise contract.distrust(feature, f"the bits of {what} have another meaning")
     if all(old != new for old, new in zip(shown_before, wanted)):
         proof.give((what, wanted))
+
+
+def can_copy() -> bool:
+    """Whether modifiers can be copied as a whole in this Blender."""
+    return contract.has(features.WHOLE)
+
+
+def read_settings(modifier: Any) -> bytes:
+    """Returns the settings of a modifier except those that every modifier has, and other data-blocks. Two modifiers of
+    one type have the same if these bytes are equal; they may differ for equal ones, by bytes that do not matter. b"" if
+    this cannot be told."""
+    return b"".join(ctypes.string_at(*each) for each in _regions(modifier))
+
+
+def copy_settings(modifier: Any, made: Any) -> None:
+    """Gives a modifier, which is new, these settings of another one of its type, whose shown settings it has already.
+    Raises contract.Broken if they are not the same any more."""
+    own = _regions(modifier)
+    if not own or read_settings(modifier) == read_settings(made):
+        return
+    shown = _shown(made)
+    for (start, size), (to, _size) in zip(own, _regions(made)):
+        ctypes.memmove(to, start, size)
+    if _shown(made) != shown:
+        raise contract.distrust(
+            features.WHOLE, f"the settings of {members.MODIFIERS[made.type]} are not where they were"
+        )
+
+
+def _regions(modifier: Any) -> list[tuple[int, int]]:
+    """Returns [(address, size)]."""
+    kind = members.MODIFIERS.get(modifier.type)
+    if kind is None or not can_copy():
+        return []
+    address = modifier.as_pointer()
+    return [(address + offset, size) for offset, size in contract.plain_regions(kind, *_WITHOUT)]
+
+
+def _shown(modifier: Any) -> list[str]:
+    """What Blender's API shows of a modifier."""
+    return [f"{name} {getattr(modifier, name)!r}" for name in modifier.bl_rna.properties.keys()]
