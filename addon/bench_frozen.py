@@ -69,7 +69,7 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
         known.forget()
         rigs = [known.learn(person.rig) for person in people[1:]]
         for rig in rigs:
-            rig.is_distrusted = True  # so that they are recorded, not computed
+            rig.trust.is_distrusted = True  # so that they are recorded, not computed
         frame_times()
         take("recording")
         assert all(np.array_equal(a, b) for a, b in zip(found, shapes(meshes)))
@@ -84,7 +84,7 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
         with hidden([ob for person in people[1:] for ob in person.objects]):
             take("hidden")
         take("recording")
-    memory = sum(rig.record.nbytes for rig in rigs) / 2**20 / max(len(rigs), 1) / len(FRAMES)
+    memory = sum(rig.motion.record.nbytes for rig in rigs) / 2**20 / max(len(rigs), 1) / len(FRAMES)
     known.forget()
     for _ in range(rounds):
         take("live")

@@ -67,7 +67,7 @@ def recorded():
 def let_be_computed(armatures, may):
     """Whether these may be computed when they freeze. Otherwise they are recorded."""
     for name in armatures:
-        recorded().learn(bpy.data.objects[name]).is_distrusted = not may
+        recorded().learn(bpy.data.objects[name]).trust.is_distrusted = not may
 
 
 def want(armatures):
@@ -198,7 +198,7 @@ def until_frozen(armature, what):
         yield from until(lambda: is_frozen(armature), 15)
     except TimeoutError:
         rigs = [
-            (rig.name, rig.state.name, rig.reason, rig.record.runs(), scene().frame_current)
+            (rig.name, rig.state.name, rig.reason, rig.motion.record.runs(), scene().frame_current)
             for rig in recorded().known()
         ]
         raise AssertionError(f"{what}: {rigs}") from None
@@ -386,7 +386,7 @@ def accelerated(meshes, armatures, reference):
     _rate, seen = yield from playing(15.0, 40)
     assert len(set(seen)) >= 5, f"only {len(set(seen))} frames were shown"
     assert all(map(is_frozen, armatures))
-    assert not any(len(rig.record) > 1 for rig in recorded().known())  # the one on which they were still live
+    assert not any(len(rig.motion.record) > 1 for rig in recorded().known())  # the one on which they were still live
     scene().frame_set(8)
     assert_as(reference, meshes)
     yield from pick(meshes[0])

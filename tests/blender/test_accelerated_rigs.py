@@ -38,7 +38,7 @@ def cast(monkeypatch):
 
 def keep_live(cast):
     live = recorded().learn(cast.live[0])
-    live.ob.sinew_accelerates_rig, live.needs_program = False, True  # and is not recorded
+    live.ob.sinew_accelerates_rig, live.trial.needs_program = False, True  # and is not recorded
 
 
 def evaluations():
@@ -56,7 +56,7 @@ def wait(cast):
 
 def accelerate(cast):
     wait(cast)
-    assert cast.rig.is_frozen and cast.rig.needs_program, cast.rig.reason
+    assert cast.rig.is_frozen and cast.rig.trial.needs_program, cast.rig.reason
 
 
 def test_a_mapping_of_frames_between_two_steps_is_seen(cast):
@@ -201,7 +201,7 @@ def test_of_what_else_moves_nothing_is_evaluated_on_other_frames(cast):
 def test_a_character_that_is_frozen_is_compared_first(cast):
     select(cast.rig.ob)
     bpy.ops.object.sinew_record()
-    assert cast.rig.is_frozen and len(cast.rig.source.compared) > 1 and not cast.rig.needs_program
+    assert cast.rig.is_frozen and len(cast.rig.source.compared) > 1 and not cast.rig.trial.needs_program
     cast.play()
 
 
@@ -309,7 +309,7 @@ def test_a_difference_is_seen_on_another_frame(cast, monkeypatch, tmp_path):
     turn(cast)
     cast.play([1])
     wait(cast)
-    assert cast.rig.is_frozen and cast.rig.difference is None, cast.rig.reason
+    assert cast.rig.is_frozen and cast.rig.trust.difference is None, cast.rig.reason
     with pytest.raises(RuntimeError, match="No difference from Blender was found in Rig"):
         bpy.ops.object.sinew_report_rig(filepath=str(path), armature=cast.rig.ob.name)
     cast.play()
@@ -346,7 +346,7 @@ def test_a_difference_on_the_first_frame_is_reported(cast, misread, tmp_path, ca
     turn(cast)
     cast.play([1])
     accelerate(cast)
-    assert cast.rig.difference is None
+    assert cast.rig.trust.difference is None
 
 
 @pytest.mark.parametrize("off, counts", ((3e-7, True), (1e-4, False)))
@@ -399,11 +399,11 @@ def test_what_is_read_again_after_an_edit_is_compared_with_the_edit(cast, misrea
         assert cast.rig.is_frozen
     for time in (1, 2):
         misread(True)
-        cast.rig.last = None  # so that all of it is read
+        cast.rig.motion.last = None  # so that all of it is read
         edit()
         layer().update()
-        assert not cast.rig.is_idle and "on frame 3, " in cast.rig.difference.sentence(cast.rig.ob)
-        assert cast.rig.difference.given and cast.rig.is_distrusted == (time == 2)
+        assert not cast.rig.is_idle and "on frame 3, " in cast.rig.trust.difference.sentence(cast.rig.ob)
+        assert cast.rig.trust.difference.given and cast.rig.trust.is_distrusted == (time == 2)
         misread(False)
         turn(cast)
         cast.play([4, 5, 3])
@@ -750,7 +750,7 @@ def test_bones_that_blender_leaves_as_they_were_are_not_compared(cast, caplog, i
         cast.scene.frame_set(frame)
         wait(cast)
         freezing().freeze([cast.rig], cast.scene, layer())
-        assert caplog.records == [] and not cast.rig.is_distrusted
+        assert caplog.records == [] and not cast.rig.trust.is_distrusted
     for ob in cast.frozen:
         ob.hide_viewport = False
     cast.play([2, 6])
@@ -768,7 +768,7 @@ def test_rounding_is_no_edit(cast, caplog, by):
     assert bone.location.x != keyed
     layer().update()
     wait(cast)
-    assert cast.rig.is_frozen and cast.rig.difference is None and caplog.records == []
+    assert cast.rig.is_frozen and cast.rig.trust.difference is None and caplog.records == []
     assert bone.location.x == keyed
     cast.play()
 
@@ -823,7 +823,7 @@ def test_one_that_cannot_be_computed_stays_live_and_is_read_ever_less_often(cast
     wait(cast)
     assert len(reads) == known, "nothing was evaluated since"
     cast.play()
-    assert not len(cast.rig.record), "it is not recorded either"
+    assert not len(cast.rig.motion.record), "it is not recorded either"
 
 
 def test_small_rigs_are_left_alone(cast, monkeypatch):
@@ -838,7 +838,7 @@ def test_what_somebody_has_left_to_blender_stays_live(cast):
     wait(cast)
     assert not cast.rig.is_idle
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
-    assert cast.rig.is_frozen and not cast.rig.needs_program
+    assert cast.rig.is_frozen and not cast.rig.trial.needs_program
     cast.play()
 
 
@@ -847,7 +847,7 @@ def test_of_a_native_rig_nothing_is_recorded(cast):
     select(cast.frozen[0])
     played = cast.scene.frame_current
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
-    assert cast.rig.source.is_proven and cast.scene.frame_current == played and len(cast.rig.record) == 0
+    assert cast.rig.source.is_proven and cast.scene.frame_current == played and len(cast.rig.motion.record) == 0
     cast.play()
 
 
@@ -856,7 +856,7 @@ def test_onion_skins(cast):
     select(cast.frozen[0])
     bpy.ops.object.sinew_onion_skins()
     cast.play()
-    assert len(cast.rig.record) == 0 and not cast.rig.skins.lacks(4, cast.rig.source.program)
+    assert len(cast.rig.motion.record) == 0 and not cast.rig.motion.skins.lacks(4, cast.rig.source.program)
     bpy.ops.object.sinew_onion_skins()
 
 
@@ -913,7 +913,7 @@ def test_the_bone_that_keeps_a_rig_from_being_native_can_be_selected(cast):
 def test_a_difference_can_be_reported_when_nothing_else_is_said(cast):
     accelerate(cast)
     assert buttons(cast) == set()
-    cast.rig.difference = "one"
+    cast.rig.trust.difference = "one"
     assert buttons(cast) == {"object.sinew_report_rig"}
     cast.scene.sinew_accelerates_rigs = False
     assert buttons(cast) == set()  # nothing is known any more
@@ -926,7 +926,7 @@ def test_one_that_has_differed_twice_can_be_tried_again(cast, misread):
     accelerate(cast)
     for _ in range(2):
         misread(True)
-        cast.rig.last = None  # so that all of it is read
+        cast.rig.motion.last = None  # so that all of it is read
         turn(cast)
         wait(cast)
         layer().update()
@@ -934,7 +934,7 @@ def test_one_that_has_differed_twice_can_be_tried_again(cast, misread):
         turn(cast)
         cast.play([4, 5, 3])
         wait(cast)
-    assert cast.rig.is_distrusted and "object.sinew_accelerate_again" in buttons(cast)
+    assert cast.rig.trust.is_distrusted and "object.sinew_accelerate_again" in buttons(cast)
     assert bpy.ops.object.sinew_accelerate_again(armature=cast.frozen[0].name_full) == {"FINISHED"}
     assert "object.sinew_accelerate_again" not in buttons(cast)
     accelerate(cast)
@@ -996,7 +996,7 @@ def test_measuring_compares_it_with_blender(cast):
     finally:
         bpy.app.handlers.frame_change_pre.remove(look)
     assert measured.sinew > 0 and 20 < sum(states) < len(states) - 20
-    assert cast.rig.is_frozen and cast.rig.needs_program
+    assert cast.rig.is_frozen and cast.rig.trial.needs_program
     cast.play()
 
 
@@ -1005,7 +1005,7 @@ def test_the_switch(cast):
     cast.scene.sinew_accelerates_rigs = False
     assert not cast.rig.is_wanted and not cast.rig.is_idle
     cast.play()
-    assert not cast.rig.record.runs() and cast.rig.watch is None  # nobody has asked for a record
+    assert not cast.rig.motion.record.runs() and cast.rig.motion.watch is None  # nobody has asked for a record
     cast.scene.sinew_accelerates_rigs = True
     keep_live(cast)
     accelerate(cast)
@@ -1064,7 +1064,7 @@ def test_the_switch_is_that_of_one_scene(cast):
     source = cast.rig.source
     bpy.context.window.scene = other
     other.sinew_accelerates_rigs = False
-    assert cast.rig.source is source and cast.rig.needs_program and cast.rig.is_wanted
+    assert cast.rig.source is source and cast.rig.trial.needs_program and cast.rig.is_wanted
     other.sinew_accelerates_rigs = True
     bpy.context.window.scene = cast.scene
     layer().update()
@@ -1169,7 +1169,7 @@ def test_scripts_in_the_background(cast):
     cast.play(few)
     assert not cast.rig.is_frozen
     cast.play(more)
-    assert cast.rig.is_frozen and cast.rig.needs_program, cast.rig.reason
+    assert cast.rig.is_frozen and cast.rig.trial.needs_program, cast.rig.reason
     turn(cast)
     cast.play(more)
     assert cast.rig.is_frozen
@@ -1277,7 +1277,7 @@ def test_while_the_user_does_nothing_it_has_rested(cast):
         poses_and_keys(cast, frame)
     layer().update()
     wait(cast)
-    assert not cast.rig.is_idle and cast.rig.rest.left
+    assert not cast.rig.is_idle and cast.rig.trial.rest.left
     accelerating().end_rests()
     accelerate(cast)
     cast.play()
@@ -1348,7 +1348,7 @@ def test_measuring_that_fails_leaves_it_computed(cast):
     with pytest.raises(KeyError), freezing().all_live(cast.scene, layer()):
         assert not cast.rig.is_frozen
         raise KeyError
-    assert cast.rig.is_frozen and cast.rig.needs_program
+    assert cast.rig.is_frozen and cast.rig.trial.needs_program
 
 
 @pytest.mark.says_errors
@@ -1372,7 +1372,7 @@ def test_renders_compare_it_with_blender(cast):
             bpy.ops.render.render()
             layer().update()
             assert not cast.rig.is_idle and "on frame 4, " in cast.rig.reason
-            assert cast.rig.difference is not None and cast.rig.is_distrusted == (time == 2)
+            assert cast.rig.trust.difference is not None and cast.rig.trust.is_distrusted == (time == 2)
             cast.play()
             wait(cast)
             assert cast.rig.is_frozen == (time == 1)
@@ -1431,7 +1431,7 @@ def test_what_blender_has_yet_to_evaluate_is_no_difference(cast, is_known):
             freezing().freeze_again(cast.scene, layer())
         else:
             accelerating().step(cast.scene, layer(), evaluations())
-        assert cast.rig.difference is None and not cast.rig.has_differed
+        assert cast.rig.trust.difference is None and not cast.rig.trust.has_differed
     accelerate(cast)
     cast.play()
 

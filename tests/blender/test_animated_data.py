@@ -257,7 +257,7 @@ def play_all(scene, ob, pair, paths, animate, check, rig, every=1):
                 error = error_of_frames()[0]
                 print("R", path, rig.reason)
                 freezing().thaw([rig], scene, bpy.context.view_layer)
-                rig.restless = rig.to_skip = 0
+                rig.motion.restless = rig.motion.to_skip = 0
             played.moving += [path] if is_moving else []
             played.wrong += [(path, error)] if error else []
         bpy.context.view_layer.update()

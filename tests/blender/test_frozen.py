@@ -91,10 +91,10 @@ class Cast:
     def record(self):
         self.rig  # noqa: B018  # known from now on
         self.play()
-        assert self.rig.record.runs() == [(1, 10)]
+        assert self.rig.motion.record.runs() == [(1, 10)]
 
     def freeze(self):
-        if not len(self.rig.record):
+        if not len(self.rig.motion.record):
             self.record()
         freezing().freeze([self.rig], self.scene, layer())
         assert self.rig.reason == ""
@@ -174,7 +174,7 @@ def test_a_bound_mesh_that_is_left_to_blender_plays_too(fresh_scene, monkeypatch
 def test_its_bones_are_not_evaluated(cast):
     """What the record holds is what everybody sees."""
     cast.freeze()
-    cast.rig.record.put(7, cast.rig.record.at(2))
+    cast.rig.motion.record.put(7, cast.rig.motion.record.at(2))
     cast.scene.frame_set(2)
     wanted = evaluated(cast.frozen[1]).copy()
     cast.scene.frame_set(7)
@@ -256,10 +256,10 @@ def test_moving_a_key_drops_the_record(cast):
         curve.keyframe_points[3].handle_right.y += 1
         curve.update()
     layer().update()
-    assert len(cast.rig.record) == 0 and not cast.rig.is_frozen
+    assert len(cast.rig.motion.record) == 0 and not cast.rig.is_frozen
     cast.assert_same()
     cast.play()
-    assert cast.rig.record.runs() == [(1, 10)]
+    assert cast.rig.motion.record.runs() == [(1, 10)]
 
 
 def edit_key(armature):

@@ -314,7 +314,7 @@ def test_freeze_right_after_an_edit_plays_what_is_missing(cast):
         armature.pose.bones["bone2"].constraints.new("LIMIT_SCALE").use_max_x = True
     select(cast.frozen[0])
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
-    assert cast.rig.is_frozen and cast.rig.record.runs() == [(1, 10)] and cast.scene.frame_current == 4
+    assert cast.rig.is_frozen and cast.rig.motion.record.runs() == [(1, 10)] and cast.scene.frame_current == 4
     select()
     cast.play()
 
@@ -363,7 +363,7 @@ def test_the_record_outlives_undo_of_something_else(cast):
     bpy.ops.ed.undo_push(message="moved")
     cast.undo()
     cast.play([5])
-    assert cast.rig.record.runs() == [(1, 10)]
+    assert cast.rig.motion.record.runs() == [(1, 10)]
     cast.play()
 
 
@@ -436,8 +436,8 @@ def test_a_handler_that_has_blender_evaluate_after_each_frame(cast, reads):
             cast.play()
         finally:
             bpy.app.handlers.frame_change_post.remove(update)
-        assert cast.rig.is_frozen and cast.rig.record.runs() == [(1, 10)]
-        assert recorded().get(cast.live[0]).record.runs() == [(1, 10)]
+        assert cast.rig.is_frozen and cast.rig.motion.record.runs() == [(1, 10)]
+        assert recorded().get(cast.live[0]).motion.record.runs() == [(1, 10)]
     assert reads == []
 
 
@@ -493,11 +493,11 @@ def test_an_edit_after_blender_has_built_relations_on_a_new_frame(cast):
     cast.scene.collection.objects.link(bpy.data.objects.new("New", None))
     cast.scene.frame_set(5)
     assert not cast.rig.is_frozen
-    assert cast.rig.record.runs() == [(1, 10)]
+    assert cast.rig.motion.record.runs() == [(1, 10)]
     for armature, *_ in both(cast):
         armature.pose.bones["side"].lock_location[0] = True  # which makes no difference, but Blender copies it again
     layer().update()
-    assert len(cast.rig.record) <= 1
+    assert len(cast.rig.motion.record) <= 1
     freezing().freeze([cast.rig], cast.scene, layer())
     cast.play()
 

@@ -24,17 +24,17 @@ def freeze_unplayed(cast):
     """Freezes it on one frame. Nothing is recorded, before or after."""
     freezing().freeze([cast.rig], cast.scene, layer())
     assert cast.rig.is_frozen, cast.rig.reason
-    assert cast.rig.source.is_proven and len(cast.rig.record) == 0
+    assert cast.rig.source.is_proven and len(cast.rig.motion.record) == 0
 
 
 def test_frames_that_were_never_played_are_computed(cast):
     freeze_unplayed(cast)
     cast.play([*FRAMES, 3, -7, 400])
     assert cast.rig.is_frozen
-    assert len(cast.rig.record) == 0
+    assert len(cast.rig.motion.record) == 0
     cast.thaw()
     cast.play()
-    assert not cast.rig.is_distrusted
+    assert not cast.rig.trust.is_distrusted
 
 
 def test_shape_keys_that_it_drives_are_computed(cast):
@@ -83,7 +83,7 @@ def test_there_is_nothing_to_record(cast):
     finally:
         bpy.app.handlers.frame_change_pre.pop()
     assert played == []
-    assert len(cast.rig.record) == 0
+    assert len(cast.rig.motion.record) == 0
     select()
     freezing().freeze([cast.rig], cast.scene, layer())
     cast.play()
@@ -151,7 +151,7 @@ def test_it_is_posed_while_it_is_frozen(cast):
     key(cast, 2)
     cast.thaw()
     cast.play()
-    assert not cast.rig.is_distrusted
+    assert not cast.rig.trust.is_distrusted
 
 
 def test_a_pose_that_is_not_keyed_is_lost_on_another_frame_as_ever(cast):
@@ -323,7 +323,7 @@ def test_between_two_frames(cast):
         cast.scene.frame_set(frame, subframe=part)
         cast.assert_same()
         assert cast.rig.is_frozen
-    assert len(cast.rig.record) == 0
+    assert len(cast.rig.motion.record) == 0
     cast.play()
 
 

@@ -365,7 +365,7 @@ def test_an_edit_that_makes_no_difference_here_shows_on_other_frames(fresh_scene
             compare((*what, frame))
 
     def record_and_freeze(what):
-        rig.restless = rig.to_skip = 0
+        rig.motion.restless = rig.motion.to_skip = 0
         play(what, (STILL,) if is_computed else (*FRAMES, STILL))
         freezing().freeze([rig], scene, layer())
         compare((*what, "freezing"))

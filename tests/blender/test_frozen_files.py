@@ -141,7 +141,7 @@ def select_only_meshes(cast, ob):
     select(ob)
     rig = cast.rig
     layer().update()
-    rig.is_selected = True  # it was, before it was frozen
+    rig.noticed.is_selected = True  # it was, before it was frozen
     freezing().freeze([rig], cast.scene, layer())
     assert rig.is_frozen
 

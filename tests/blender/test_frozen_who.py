@@ -363,7 +363,7 @@ def test_a_target_that_stands_still_is_followed_when_it_is_moved(cast):
 def test_the_operators(cast):
     select(cast.frozen[1])
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
-    assert cast.rig.record.runs() == [(1, 10)]
+    assert cast.rig.motion.record.runs() == [(1, 10)]
     assert cast.rig.is_frozen
     cast.play()
     assert bpy.ops.object.sinew_leave_to_blender() == {"FINISHED"}
@@ -381,7 +381,7 @@ def test_freezing_records_what_is_not_recorded(cast):
         True,
         False,
     ]
-    assert cast.rig.record.runs() == [(1, 10)]
+    assert cast.rig.motion.record.runs() == [(1, 10)]
     cast.play()
 
 
@@ -402,9 +402,9 @@ def test_a_frame_that_is_not_recorded_thaws_and_the_record_stays(cast):
     cast.record()
     freezing().freeze([cast.rig], cast.scene, layer())
     assert cast.rig.is_frozen
-    recorded_ones = cast.rig.record.runs()
+    recorded_ones = cast.rig.motion.record.runs()
     cast.scene.frame_set(25)
-    assert not cast.rig.is_frozen and cast.rig.record.runs()[: len(recorded_ones)] == recorded_ones
+    assert not cast.rig.is_frozen and cast.rig.motion.record.runs()[: len(recorded_ones)] == recorded_ones
     cast.assert_same()
     cast.scene.frame_set(3)
     freezing().freeze_again(cast.scene, layer())
@@ -416,14 +416,14 @@ def test_a_frame_that_is_not_recorded_thaws_and_the_record_stays(cast):
 def test_a_limit_of_memory_drops_the_oldest_frames(cast):
     limit = recorded().store.limit
     cast.record()
-    size = cast.rig.record.nbytes // 10
-    assert recorded().used_memory() == cast.rig.record.nbytes
+    size = cast.rig.motion.record.nbytes // 10
+    assert recorded().used_memory() == cast.rig.motion.record.nbytes
     try:
         recorded().store.set_limit(4 * size)
-        assert cast.rig.record.runs() == [(7, 10)]
+        assert cast.rig.motion.record.runs() == [(7, 10)]
         freezing().freeze([cast.rig], cast.scene, layer())
         cast.play()
-        assert len(cast.rig.record) == 4
+        assert len(cast.rig.motion.record) == 4
     finally:
         recorded().store.set_limit(limit)
 
@@ -443,7 +443,7 @@ def test_the_panel_lists_what_is_recorded(cast):
     cast.freeze()
     assert ui.frames_text(cast.rig) == "1 to 10"
     for frame in (2, 3, 6):
-        cast.rig.record.drop_frame(frame)
+        cast.rig.motion.record.drop_frame(frame)
     assert ui.frames_text(cast.rig) == "1, 4 to 5, 7 to 10"
     select(cast.live[0])
     assert ui.SidebarRigs.poll(bpy.context)

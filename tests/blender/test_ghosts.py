@@ -411,7 +411,7 @@ def test_record_plays_once_what_ghosts_lack(cast):
     select(cast.frozen[0])
     try:
         assert bpy.ops.object.sinew_record() == {"FINISHED"}
-        assert len(played) > 2 and not any(cast.rig.skins.lacks(each, cast.rig.origin(each)) for each in played)
+        assert len(played) > 2 and not any(cast.rig.motion.skins.lacks(each, cast.rig.origin(each)) for each in played)
         played.clear()
         assert bpy.ops.object.sinew_record() == {"FINISHED"}
     finally:
@@ -423,9 +423,9 @@ def test_record_plays_once_what_ghosts_lack(cast):
 def test_ghosts_keep_no_pose_that_the_store_has_dropped(cast, settings):
     toggle(cast)
     cast.record()
-    pose = weakref.ref(cast.rig.record.at(4).pose)
-    assert pose() is not None and not cast.rig.skins.lacks(4, pose())
-    cast.rig.record.drop_frame(4)
+    pose = weakref.ref(cast.rig.motion.record.at(4).pose)
+    assert pose() is not None and not cast.rig.motion.skins.lacks(4, pose())
+    cast.rig.motion.record.drop_frame(4)
     assert pose() is None
 
 
@@ -433,7 +433,7 @@ def test_ghosts_keep_no_pose_that_the_store_has_dropped(cast, settings):
 def test_with_its_poses_a_rig_drops_its_shapes(cast, settings):
     toggle(cast)
     cast.record()
-    skins = cast.rig.skins
+    skins = cast.rig.motion.skins
     assert len(skins.shapes) == 2 and skins.seen
     cast.rig.clear()
     assert not skins.shapes and not skins.seen
@@ -452,8 +452,8 @@ def test_what_cannot_be_drawn_any_more_leaves_the_graphics_card(cast, settings, 
     monkeypatch.setattr(drawing, "_triangles", {each.ghost.key[0]: (each.ghost.shape.topology, None) for each in drawn})
     drawing.forget_all_but([])  # they are spare
     assert len(drawing._batches) == 8 and len(drawing._triangles) == 2
-    for key in cast.rig.skins.shapes:
-        cast.rig.skins.shapes[key].drop_frame(4)
+    for key in cast.rig.motion.skins.shapes:
+        cast.rig.motion.skins.shapes[key].drop_frame(4)
     drawing.forget_all_but([])
     assert len(drawing._batches) == 6
     toggle(cast)
@@ -504,7 +504,7 @@ def test_the_timeline_marks_recorded_frames(cast):
     select()
     cast.freeze()
     for frame in (4, 5):
-        cast.rig.record.drop_frame(frame)
+        cast.rig.motion.record.drop_frame(frame)
     assert strips.marked(bpy.context) == [cast.rig]
     bars = strips.bars([cast.rig, cast.rig], lambda frame: 10 * frame, 200, 2)
     assert [bar[:4] for bar in bars] == [(5, 148, 35, 154), (55, 148, 105, 154), (5, 140, 35, 146), (55, 140, 105, 146)]

@@ -88,7 +88,7 @@ class Led(Cast):
         keep_live(self)
         for leader in self.leaders[1]:
             live = recorded().learn(leader)
-            live.ob.sinew_accelerates_rig, live.needs_program = False, True
+            live.ob.sinew_accelerates_rig, live.trial.needs_program = False, True
 
     @property
     def led(self):
@@ -253,7 +253,7 @@ def test_a_wrong_leader_is_noticed(led):
     bones = addon_module("host.poses").matrices_in(moment.pose)
     assert np.array_equal(bones, matrices_of(leader.ob)[:, :4])
     bones[2, 0, 3] += 0.1
-    leader.computed = 4, moment
+    leader.motion.computed = 4, moment
     found = addon_module("played.leading").inputs(led.rig, [4])
     right = addon_module("played.leading").inputs(led.rig, [4.25])
     assert found.keys() == right.keys() and any(abs(found[name] - right[name]).max() > 0.09 for name in found)
@@ -273,8 +273,8 @@ def edit_a_key_meanwhile(led):
         for key in curve.keyframe_points:
             key.co.y += 0.4
         curve.update()
-    led.led[0].tries_to_skip = 9
-    led.rig.last = None
+    led.led[0].trial.tries_to_skip = 9
+    led.rig.motion.last = None
     addon_module("played.changes").drop_all(led.rig)
 
 
@@ -286,7 +286,7 @@ def test_what_is_not_known_of_a_leader_is_no_fault_of_the_one_that_follows(led, 
     assert not led.rig.is_frozen and caplog.records == []
     led.assert_same()
     led.play([2, 3])
-    led.led[0].tries_to_skip = 0
+    led.led[0].trial.tries_to_skip = 0
     accelerate(led)
     led.play()
 
@@ -371,4 +371,4 @@ def test_freezing_both_records_nothing(led):
     freezing().freeze([led.rig, *led.led], led.scene, layer())
     assert led.are_frozen(), led.rig.reason
     led.play()
-    assert led.are_frozen() and len(led.rig.record) == 0
+    assert led.are_frozen() and len(led.rig.motion.record) == 0

@@ -66,7 +66,7 @@ class Driven(Cast):
 
     def accelerate(self):
         wait(self)
-        assert self.rig.is_frozen and self.rig.needs_program, self.rig.reason
+        assert self.rig.is_frozen and self.rig.trial.needs_program, self.rig.reason
 
 
 @pytest.fixture(params=(True, False), ids=("with keyframes", "without"))

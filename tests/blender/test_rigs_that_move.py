@@ -78,7 +78,7 @@ class Moving(Cast):
 
     def accelerate(self):
         wait(self)
-        assert self.rig.is_frozen and self.rig.needs_program, self.rig.reason
+        assert self.rig.is_frozen and self.rig.trial.needs_program, self.rig.reason
 
     def undo(self):
         names = [[ob.name for ob in each] for each in self.hung]
@@ -436,7 +436,7 @@ def test_a_render_of_some_frames(cast, tmp_path):
         bpy.app.handlers.frame_change_post.remove(look)
     rendered = [each for each in seen if each[0] == "RENDER"]
     assert len(rendered) > 2 and rendered[0][2] != rendered[-1][2] and all(each[1] for each in seen)
-    assert cast.rig.difference is None
+    assert cast.rig.trust.difference is None
     cast.play()
     wait(cast)
     assert cast.rig.is_frozen, cast.rig.reason

@@ -292,7 +292,7 @@ def cast(request, fresh_scene, monkeypatch):
 
 def accelerate(cast):
     wait(cast)
-    assert cast.rig.is_frozen and cast.rig.needs_program, cast.rig.reason
+    assert cast.rig.is_frozen and cast.rig.trial.needs_program, cast.rig.reason
 
 
 @needs_memory

@@ -260,7 +260,7 @@ def test_what_is_not_keyed_is_kept(strips, follows):
     before = strips.rig.ob.pose.bones["bone1"].location.copy()
     wait(strips)
     assert strips.rig.ob.pose.bones["bone1"].location == before
-    assert strips.rig.difference is None and not strips.rig.is_frozen
+    assert strips.rig.trust.difference is None and not strips.rig.is_frozen
     assert 'changes that are not keyed (bone "bone1")' in strips.rig.reason
     strips.play([5, 6])
     accelerate(strips)

@@ -371,7 +371,7 @@ def _note_edits(objects, affected, edits, may_lack, has_other_constraints):
             characters.see(ob, is_edited)
         entry = characters.of(ob)
         if key in affected and entry.status.failures:
-            entry.status.to_skip = 0  # what was edited may have been the reason
+            entry.status.motion.to_skip = 0  # what was edited may have been the reason
         if entry.way.kind == ways.BLENDER and (is_edited or entry.way.is_of_bones and key in affected):
             entry.planning.see_surroundings(ob)
             entry.look_again()

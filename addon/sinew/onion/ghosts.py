@@ -91,24 +91,24 @@ class Skins:
 def show(rig: rigs.Rig) -> None:
     """Keeps the shapes of a character from now on."""
     freezing.keep_records(rig)
-    rig.skins = rig.skins or Skins()
+    rig.motion.skins = rig.motion.skins or Skins()
     _find_objects(rig)
 
 
 def hide(rig: rigs.Rig) -> None:
-    if rig.skins is not None:
-        rig.skins.clear()
-    rig.skins = None
+    if rig.motion.skins is not None:
+        rig.motion.skins.clear()
+    rig.motion.skins = None
 
 
 def shown() -> list[rigs.Rig]:
     """Returns the characters whose ghosts are shown."""
-    return [rig for rig in rigs.known() if rig.skins is not None]
+    return [rig for rig in rigs.known() if rig.motion.skins is not None]
 
 
 def is_kept(key: tuple[int, int], shape: Shape) -> bool:
     """Whether a shape, of a mesh object on a frame, may be shown again."""
-    records_of = (rig.skins.shapes.get(key[0]) for rig in shown())
+    records_of = (rig.motion.skins.shapes.get(key[0]) for rig in shown())
     return any(record is not None and record.at(key[1]) is shape for record in records_of)
 
 
@@ -129,8 +129,8 @@ def fill(scene: Any, frames: Iterable[int]) -> bool:
     is_any, began = False, perf_counter()
     for rig in shown():
         lacking = [frame for frame in frames if recording.lacks(rig, frame)]
-        objects = [rig.ob, *filter(rigs.is_alive, rig.skins.objects)]
-        if not lacking or not (rig.is_frozen and rig.source.is_proven and rig.scene == scene):
+        objects = [rig.ob, *filter(rigs.is_alive, rig.motion.skins.objects)]
+        if not lacking or not (rig.is_frozen and rig.source.is_proven and rig.home.scene == scene):
             continue
         if any(map(followers.is_simulated, objects)) or elsewhere.animated(objects, scene) is None:
             continue
@@ -140,7 +140,7 @@ def fill(scene: Any, frames: Iterable[int]) -> bool:
                 graph, moment = evaluated_on(frame), computing.moment(rig, frame)
                 if moment is not None and rigs.is_shown(rig, graph, moment):
                     _keep_frame(rig, graph, frame)
-                rig.skins.see(frame, rig.origin(frame))  # and is not tried again
+                rig.motion.skins.see(frame, rig.origin(frame))  # and is not tried again
                 if perf_counter() - began > SECONDS:
                     return True
     return is_any
@@ -149,8 +149,8 @@ def fill(scene: Any, frames: Iterable[int]) -> bool:
 def find_again() -> None:
     """Finds all meshes again after an undo step, which may have replaced them."""
     for rig in rigs.known():
-        if rig.skins is not None:
-            rig.skins.clear()
+        if rig.motion.skins is not None:
+            rig.motion.skins.clear()
             _find_objects(rig)
 
 
@@ -160,7 +160,7 @@ def _is_moved(ob: Any, rig: rigs.Rig) -> bool:
 
 
 def _find_objects(rig: rigs.Rig) -> None:
-    skins = rig.skins
+    skins = rig.motion.skins
     skins.objects = [ob for ob in bpy.data.objects if _is_moved(ob, rig) and ob.users_scene]
     skins.object_count = len(bpy.data.objects)
     keys = {values.key_of(ob) for ob in skins.objects}
@@ -174,7 +174,7 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
     if not own or playing.is_busy() or graph != graph.view_layer.depsgraph:
         return
     for rig in own:
-        if len(bpy.data.objects) != rig.skins.object_count:
+        if len(bpy.data.objects) != rig.motion.skins.object_count:
             _find_objects(rig)
         if not is_new_frame:
             _look_at_edits(rig, graph)
@@ -198,9 +198,9 @@ def _keep_all(scene: Any, graph: Any) -> None:
 
 def _keep_frame(rig: rigs.Rig, graph: Any, frame: int) -> None:
     origin = rig.origin(frame)
-    for ob in rig.skins.objects if origin is not None else ():
-        _keep(rig.skins, ob, graph, frame, origin)
-    rig.skins.see(frame, origin)
+    for ob in rig.motion.skins.objects if origin is not None else ():
+        _keep(rig.motion.skins, ob, graph, frame, origin)
+    rig.motion.skins.see(frame, origin)
 
 
 def _look_at_edits(rig: rigs.Rig, graph: Any) -> None:
@@ -208,11 +208,11 @@ def _look_at_edits(rig: rigs.Rig, graph: Any) -> None:
     have changed on other frames."""
     edited = [update.id.original for update in graph.updates]
     objects = [ob for ob in edited if isinstance(ob, bpy.types.Object)]
-    if any(_is_moved(ob, rig) != (ob in rig.skins.objects) for ob in objects):
+    if any(_is_moved(ob, rig) != (ob in rig.motion.skins.objects) for ob in objects):
         _find_objects(rig)
-    for ob in rig.skins.objects:
+    for ob in rig.motion.skins.objects:
         if ob.data in edited:
-            rig.skins.drop(values.key_of(ob))
+            rig.motion.skins.drop(values.key_of(ob))
 
 
 def _keep(skins: Skins, ob: Any, graph: Any, frame: int, origin: Any) -> None:
@@ -267,7 +267,7 @@ def around(scene: Any, before: int, after: int, step: int, objects: Iterable[Any
         Ghost((key, frame), shape, steps)
         for frame, steps in frames_around(scene.frame_current, before, after, step)
         for rig in own
-        for key in rig.skins.shapes
-        for shape in (rig.skins.shape(key, frame, rig.origin(frame)),)
+        for key in rig.motion.skins.shapes
+        for shape in (rig.motion.skins.shape(key, frame, rig.origin(frame)),)
         if key in keys and shape is not None
     ]

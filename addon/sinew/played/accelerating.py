@@ -44,7 +44,7 @@ def _accelerate(scene: Any, layer: Any) -> None:
 def end_rests() -> None:
     """Says that the user does nothing, or that frames are played without edits."""
     for rig in rigs.known():
-        rig.rest.end()
+        rig.trial.rest.end()
 
 
 def rest_edited(layer: Any) -> None:
@@ -52,7 +52,7 @@ def rest_edited(layer: Any) -> None:
     one."""
     for ob in _worth(layer) if _can_freeze() else ():
         if resting.is_edited(ob, layer.depsgraph):
-            rigs.learn(ob).rest.note_live(True, True)
+            rigs.learn(ob).trial.rest.note_live(True, True)
 
 
 def _can_freeze() -> bool:
@@ -76,18 +76,20 @@ def _step(scene: Any, layer: Any, number: int) -> bool:
             freezing.read_ahead(rig)
             return True
     own = [rigs.learn(ob) for ob in _found_by(number, layer)]
-    own = [rig for rig in own if not rig.is_idle and (rig.needs_program or not rig.is_wanted)]
+    own = [rig for rig in own if not rig.is_idle and (rig.trial.needs_program or not rig.is_wanted)]
     for rig in own:
-        if rig.tried_at != number:
+        if rig.trial.tried_at != number:
             changes.trust_again(rig)
-    own = [rig for rig in own if not rig.stays_live and not rig.is_distrusted and rig.ob.mode in ("OBJECT", "POSE")]
-    own = [rig for rig in own if not rig.rest.left and (rig.tries == 0 or rig.tried_at != number)]
-    due = [rig for rig in own if rig.tries_to_skip == 0]
+    own = [
+        rig for rig in own if not rig.stays_live and not rig.trust.is_distrusted and rig.ob.mode in ("OBJECT", "POSE")
+    ]
+    own = [rig for rig in own if not rig.trial.rest.left and (rig.trial.tries == 0 or rig.trial.tried_at != number)]
+    due = [rig for rig in own if rig.trial.tries_to_skip == 0]
     for rig in own:
-        rig.tries_to_skip = max(rig.tries_to_skip - 1, 0)
+        rig.trial.tries_to_skip = max(rig.trial.tries_to_skip - 1, 0)
     for rig in due:
         freezing.want(rig, True)
-        if not (rig.source.is_proven and rig.is_posable):
+        if not (rig.source.is_proven and rig.trust.is_posable):
             reasons.look_at_each([rig], scene, layer)
             _note(rig, not rig.reason, number)
             return True
@@ -108,7 +110,7 @@ def compare_more(scene: Any, layer: Any) -> bool:
     """Compares one of the rigs that are accelerated with Blender on more frames, while the user has done nothing for a
     while. Returns False if there is none left."""
     for rig in rigs.frozen():
-        if rig.needs_program and rig.source.is_proven and rig.scene == scene and not rig.source.is_compared:
+        if rig.trial.needs_program and rig.source.is_proven and rig.home.scene == scene and not rig.source.is_compared:
             if comparing.compare(rig, scene, None):
                 freezing.thaw([rig] if rig.source.refusal else [], scene, layer)
             return True
@@ -122,15 +124,15 @@ def _why_not_compared(rig: rigs.Rig, scene: Any) -> str:
 
 
 def _note(rig: rigs.Rig, has_succeeded: bool, number: int) -> None:
-    rig.tries = 0 if has_succeeded else min(2 * rig.tries + 1, MOST_TO_SKIP)
-    rig.tries_to_skip, rig.tried_at = rig.tries, number
+    rig.trial.tries = 0 if has_succeeded else min(2 * rig.trial.tries + 1, MOST_TO_SKIP)
+    rig.trial.tries_to_skip, rig.trial.tried_at = rig.trial.tries, number
 
 
 def _found_by(number: int, layer: Any) -> list[Any]:
     """Returns the armature objects that may be accelerated. number: of the evaluations until now; without another one,
     nothing was edited."""
     global _seen, _found
-    states = frozenset((rig.key, rig.is_idle) for rig in rigs.known() if rig.is_idle or rig.tries_to_skip)
+    states = frozenset((rig.key, rig.is_idle) for rig in rigs.known() if rig.is_idle or rig.trial.tries_to_skip)
     now = number, layer.as_pointer(), states
     if now != _seen:
         _seen, _found = now, _armatures(layer)
@@ -169,7 +171,7 @@ def needs_a_mesh(ob: Any) -> bool:
 def _waits(ob: Any) -> bool:
     """Whether to find what an armature object follows would not help it now."""
     rig = rigs.get(ob)
-    return rig is not None and rig.tries_to_skip > 0
+    return rig is not None and rig.trial.tries_to_skip > 0
 
 
 def _work(ob: Any) -> int:

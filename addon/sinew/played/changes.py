@@ -19,9 +19,9 @@ def look(own: Iterable[rigs.Rig], graph: Any, looks_at_copies: bool = True) -> l
     are looked at; what was copied until now, the last evaluation's handlers have seen."""
     edited = []
     for rig in own:
-        if rig.watch is not None:
-            rig.has_edited_keys |= rig.watch.are_keys_edited(graph)
-            if looks_at_copies and not rig.watch.holds(graph):
+        if rig.motion.watch is not None:
+            rig.motion.has_edited_keys |= rig.motion.watch.are_keys_edited(graph)
+            if looks_at_copies and not rig.motion.watch.holds(graph):
                 edited.append(rig)
     for rig in edited:
         drop_all(rig)
@@ -37,8 +37,8 @@ def look_at_actions(own: Iterable[rigs.Rig]) -> None:
         for action in rigs.unseen_actions(rig, graph) if graph is not None else ():
             if evaluations.is_tagged(action):
                 noted.append(action)
-                rig.asks_for_keys |= action in rig.actions and evaluations.is_animation_tagged(action)
-                rig.has_edited_keys |= rig.watch is None or rig.watch.note_edited(action)
+                rig.noticed.asks_for_keys |= action in rig.noticed.actions and evaluations.is_animation_tagged(action)
+                rig.motion.has_edited_keys |= rig.motion.watch is None or rig.motion.watch.note_edited(action)
     for action in noted:
         evaluations.take_tags_off(action)
 
@@ -47,22 +47,22 @@ def expect_no_more(own: Iterable[rigs.Rig], graph: Any) -> None:
     """Called before an evaluation: what was expected of one without handlers, which is over, is expected no more."""
     if watch.has_happened(graph):
         for rig in own:
-            if rig.watch is not None:
-                rig.watch.mark_expected(graph)
+            if rig.motion.watch is not None:
+                rig.motion.watch.mark_expected(graph)
         watch.expect_no_more(graph)
 
 
 def compare_keys(rig: rigs.Rig, graph: Any) -> None:
     """Drops the record of an armature whose keyframes are not those that it was made with."""
-    if rig.watch is None or not rig.has_edited_keys:
+    if rig.motion.watch is None or not rig.motion.has_edited_keys:
         return
-    rig.has_edited_keys = False
+    rig.motion.has_edited_keys = False
     try:
-        found = keys_of(rig.watch.action)
+        found = keys_of(rig.motion.watch.action)
     except ReferenceError:
         return drop_all(rig)
-    is_like, rig.keys = found.is_like(rig.keys), found
-    rig.watch.mark_keys(graph)
+    is_like, rig.motion.keys = found.is_like(rig.motion.keys), found
+    rig.motion.watch.mark_keys(graph)
     if not is_like:
         drop(rig)
 
@@ -71,27 +71,33 @@ def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
     """Records live armatures that a change of the frame has just evaluated."""
     able = [rig for rig in own if can_record(rig, scene, graph)]
     for rig in own:
-        rig.to_skip = max(rig.to_skip - 1, 0)
+        rig.motion.to_skip = max(rig.motion.to_skip - 1, 0)
     own = able
     frame: Any = rigs.whole_frame(scene)
     for rig in own:
         compare_keys(rig, graph)
         moment, copy = rigs.now(rig, scene), rigs.evaluated_copy(rig, graph)
         is_right = moment is None or rigs.shows(rig, graph, moment) or differences.is_near(rig, copy, frame)
-        if rig.tempo != tempo_of(scene) or not is_right:
+        if rig.motion.tempo != tempo_of(scene) or not is_right:
             drop_all(rig)
-    begin([rig for rig in own if rig.watch is None], scene, graph)
+    begin([rig for rig in own if rig.motion.watch is None], scene, graph)
     for rig in own:
-        if frame not in rig.record:
-            rig.record.put(frame, rigs.moment_of(rig, graph))
-        if len(rig.record) > 2:
-            rig.restless = 0
+        if frame not in rig.motion.record:
+            rig.motion.record.put(frame, rigs.moment_of(rig, graph))
+        if len(rig.motion.record) > 2:
+            rig.motion.restless = 0
 
 
 def can_record(rig: rigs.Rig, scene: Any, graph: Any) -> bool:
     """Whether the scene's frame of an armature can be recorded."""
     is_there = rigs.evaluated_copy(rig, graph) is not None and rigs.whole_frame(scene) is not None
-    return is_there and rig.is_recorded and rig.to_skip == 0 and rig.ob.mode != "EDIT" and rigs.has_animation(rig.ob)
+    return (
+        is_there
+        and rig.is_recorded
+        and rig.motion.to_skip == 0
+        and rig.ob.mode != "EDIT"
+        and rigs.has_animation(rig.ob)
+    )
 
 
 def begin(own: Sequence[rigs.Rig], scene: Any, graph: Any) -> None:
@@ -103,24 +109,26 @@ def begin(own: Sequence[rigs.Rig], scene: Any, graph: Any) -> None:
     for rig in own:
         each = found[rig.ob]
         meet(rig, each if isinstance(each, Followers) else Followers(), users, graph)
-        rig.tempo = tempo_of(scene)
+        rig.motion.tempo = tempo_of(scene)
 
 
 def meet(rig: rigs.Rig, found: Followers, users: Any, graph: Any) -> None:
     """Takes note of what follows an armature now. If it has no record, watches what it depends on from now on."""
-    if rig.watch is not None and rig.watch.follow != [(values.key_of(keys), numbers) for keys, numbers in found.keyed]:
+    if rig.motion.watch is not None and rig.motion.watch.follow != [
+        (values.key_of(keys), numbers) for keys, numbers in found.keyed
+    ]:
         drop_all(rig)
     rig.followers = found
-    if rig.watch is None:
+    if rig.motion.watch is None:
         follow = [keys for keys, _numbers in found.keyed]
         chain = dependencies.chain(rig.ob)
         shapes = {bone.custom_shape for each in chain for bone in each.pose.bones}
         shapes -= {target for each in chain for target in dependencies.outside_of(each)}
         action = watch.own_action(rig.ob)
         used = dependencies.used([rig.ob, *follow], users, shapes, chain)
-        rig.watch = watch.Watch(rig.ob, used, action, found.keyed, graph, rigs.unseen_actions(rig, graph))
-        rig.keys = keys_of(action) if action is not None else None
-        rig.has_edited_keys = False
+        rig.motion.watch = watch.Watch(rig.ob, used, action, found.keyed, graph, rigs.unseen_actions(rig, graph))
+        rig.motion.keys = keys_of(action) if action is not None else None
+        rig.motion.has_edited_keys = False
 
 
 def tempo_of(scene: Any) -> tuple[int, int]:
@@ -131,32 +139,32 @@ def tempo_of(scene: Any) -> tuple[int, int]:
 def drop_all(rig: rigs.Rig) -> None:
     """Drops the whole record of an armature. If it was short, the next frames are not recorded: somebody edits it
     again on each."""
-    if rig.watch is not None and 0 < len(rig.record) <= 2:
-        rig.to_skip, rig.restless = rig.restless, min(2 * rig.restless + 1, MOST_TO_SKIP)
+    if rig.motion.watch is not None and 0 < len(rig.motion.record) <= 2:
+        rig.motion.to_skip, rig.motion.restless = rig.motion.restless, min(2 * rig.motion.restless + 1, MOST_TO_SKIP)
     for each in drop(rig):
-        each.watch = None
+        each.motion.watch = None
 
 
 def differ(rig: rigs.Rig) -> None:
     """Drops an armature whose program has computed something else than Blender. If it is the second time, it is not
     computed any more until it has other settings."""
-    rig.is_distrusted, rig.has_differed = rig.has_differed, True
-    rig.distrusted = edits.settings_of(rig.ob) if rig.is_distrusted else None
-    rig.is_posable = rig.is_posable and not rig.is_distrusted
+    rig.trust.is_distrusted, rig.trust.has_differed = rig.trust.has_differed, True
+    rig.trust.distrusted = edits.settings_of(rig.ob) if rig.trust.is_distrusted else None
+    rig.trust.is_posable = rig.trust.is_posable and not rig.trust.is_distrusted
     drop_all(rig)
 
 
 def trust_again(rig: rigs.Rig) -> None:
     """Lets an armature be computed that has been given other settings than it had when its program differed."""
-    if rig.is_distrusted and rig.distrusted is not None:
+    if rig.trust.is_distrusted and rig.trust.distrusted is not None:
         found = edits.settings_of(rig.ob)
-        rig.is_distrusted = found is None or found == rig.distrusted
+        rig.trust.is_distrusted = found is None or found == rig.trust.distrusted
 
 
 def trust(rig: rigs.Rig) -> None:
     """Lets an armature be computed again whose program has differed from Blender."""
-    rig.is_distrusted = rig.has_differed = False
-    rig.difference, rig.distrusted, rig.reason = None, None, ""
+    rig.trust.is_distrusted = rig.trust.has_differed = False
+    rig.trust.difference, rig.trust.distrusted, rig.reason = None, None, ""
     rig.try_at_once()
 
 
@@ -164,11 +172,11 @@ def drop(rig: rigs.Rig) -> list[rigs.Rig]:
     """Drops what is recorded and computed of an armature, and of those whose bones follow it. Returns them."""
     reached = [rig]
     for each in reached:
-        each.record.clear()
-        each.source, each.computed, each.difference = rigs.Source(), None, None
+        each.motion.record.clear()
+        each.source, each.motion.computed, each.trust.difference = rigs.Source(), None, None
         reached += [
             other
             for other in rigs.known()
-            if other not in reached and other.watch is not None and each.key in other.watch.keys
+            if other not in reached and other.motion.watch is not None and each.key in other.motion.watch.keys
         ]
     return reached

@@ -26,7 +26,7 @@ from .rigs import Source
 
 def can_be(rig: rigs.Rig) -> bool:
     """Whether moments of an armature can be computed, as far as is known."""
-    return not (rig.is_distrusted or rig.source.refusal)
+    return not (rig.trust.is_distrusted or rig.source.refusal)
 
 
 def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None:
@@ -47,10 +47,10 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     if rigs.shows(rig, graph, computed) or differences.is_near(rig, copy, frame):
         if rig.source.place:
             places.prove(rig.source.place, graph)
-        rig.source.is_proven, rig.is_posable = True, rig.source.is_posable
-        rig.computed = frame, computed
+        rig.source.is_proven, rig.trust.is_posable = True, rig.source.is_posable
+        rig.motion.computed = frame, computed
         return
-    rig.last = None
+    rig.motion.last = None
     if rig.source.is_proven:  # something has changed that was not noticed
         changes.drop_all(rig)
     elif not (
@@ -143,7 +143,7 @@ def fill(own: Iterable[rigs.Rig], frame: float) -> None:
         lacking = [rig for rig in able if rig.at(frame) is None]
         for rig, found in zip(lacking, _moments(lacking, frame)):
             if found is not None:
-                rig.computed = frame, found
+                rig.motion.computed = frame, found
 
 
 def moment(rig: rigs.Rig, frame: float) -> rigs.Moment | None:
@@ -153,10 +153,10 @@ def moment(rig: rigs.Rig, frame: float) -> rigs.Moment | None:
 
 def read(rig: rigs.Rig, scene: Any, graph: Any) -> None:
     """Reads the program of an armature, or why there is none."""
-    rig.source, rig.tempo = _read(rig, scene, graph), changes.tempo_of(scene)
-    rig.is_posable &= rig.source.is_posable
+    rig.source, rig.motion.tempo = _read(rig, scene, graph), changes.tempo_of(scene)
+    rig.trust.is_posable &= rig.source.is_posable
     if rig.source.settings:
-        rig.record.clear()  # it was recorded without them
+        rig.motion.record.clear()  # it was recorded without them
 
 
 class _Last(NamedTuple):
@@ -169,10 +169,12 @@ class _Last(NamedTuple):
 
 
 def _remember(rig: rigs.Rig, read: reading.Reading, source: Source, graph: Any) -> None:
-    has_keys = rig.watch is not None and rig.watch.action is not None
+    has_keys = rig.motion.watch is not None and rig.motion.watch.action is not None
     is_compared = has_keys == rigs.has_animation(rig.ob) or strips.play(rig.ob)
-    if rig.watch is not None and is_compared and not rig.has_edited_keys:
-        rig.last = _Last(source, edits.Known(rig.ob, read, graph, _seen(rig, graph)), rig.keys, rig.watch)
+    if rig.motion.watch is not None and is_compared and not rig.motion.has_edited_keys:
+        rig.motion.last = _Last(
+            source, edits.Known(rig.ob, read, graph, _seen(rig, graph)), rig.motion.keys, rig.motion.watch
+        )
 
 
 def _seen(rig: rigs.Rig, graph: Any) -> Any:
@@ -187,9 +189,9 @@ def _seen(rig: rigs.Rig, graph: Any) -> Any:
 def read_again(rig: rigs.Rig, graph: Any) -> bool:
     """Reads of an armature, which may have been edited, what its pose and its keyframes change. Returns whether nothing
     else has changed since its program was read: neither the shape keys that follow it nor what it depends on."""
-    last: Any = rig.last
-    rig.last = None
-    if last is None or rig.tempo != changes.tempo_of(rig.scene):
+    last: Any = rig.motion.last
+    rig.motion.last = None
+    if last is None or rig.motion.tempo != changes.tempo_of(rig.home.scene):
         return False
     action: Any = last.watch.action
     needed = [*last.watch.blocks, *(keys for keys, _numbers in rig.followers.keyed), *([action] if last.keys else [])]
@@ -198,7 +200,7 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
     if last.source.counts != tuple(len(numbers) for _keys, numbers in rigs.keyed(rig, graph)):
         return False
     unseen = rigs.unseen_actions(rig, graph)
-    new = rig.watch or watch.Watch(rig.ob, last.watch.blocks, action, rig.followers.keyed, graph, unseen)
+    new = rig.motion.watch or watch.Watch(rig.ob, last.watch.blocks, action, rig.followers.keyed, graph, unseen)
     keys, numbers = _keys_now(rig, action) if last.keys else None, []
     if keys is not None:
         numbers = last.keys.curves.differing(keys.curves)
@@ -222,15 +224,19 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
     rig.source = replace(
         last.source, program=program, leaders=leaders, is_proven=False, heads={}, compared=compared, is_compared=False
     )
-    rig.watch, rig.keys, rig.has_edited_keys = new, keys, False
-    rig.last = _Last(rig.source, last.known, keys, new)
+    rig.motion.watch, rig.motion.keys, rig.motion.has_edited_keys = new, keys, False
+    rig.motion.last = _Last(rig.source, last.known, keys, new)
     return True
 
 
 def _keys_now(rig: rigs.Rig, action: Any) -> Keys:
     """Returns what is stored in an armature's own action. While it is idle, what was without a tag does not count, as
     in Blender."""
-    return rig.keys if rig.is_idle and rig.keys is not None and not rig.has_edited_keys else keys_of(action)
+    return (
+        rig.motion.keys
+        if rig.is_idle and rig.motion.keys is not None and not rig.motion.has_edited_keys
+        else keys_of(action)
+    )
 
 
 def differing(own: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
@@ -238,10 +244,10 @@ def differing(own: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
     channels that they have. Returns how those that are others differ, sentences by key."""
     found = {}
     for rig in own:
-        copy, time, rig.posed_on = rigs.evaluated_copy(rig, graph), rig.posed_on, None
-        if copy is None or time is None or rig.last is None or evaluations.is_tagged(copy):
+        copy, time, rig.trust.posed_on = rigs.evaluated_copy(rig, graph), rig.trust.posed_on, None
+        if copy is None or time is None or rig.motion.last is None or evaluations.is_tagged(copy):
             continue
-        given = dict(rig.last.known.keyed()) | rig.last.known.from_outside()
+        given = dict(rig.motion.last.known.keyed()) | rig.motion.last.known.from_outside()
         given |= {
             each.path: value for each, value in zip(rig.source.settings, settings.read(copy, rig.source.settings))
         }
@@ -256,7 +262,7 @@ def differing(own: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
 
 
 def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
-    keyed, rig.last = rigs.keyed(rig, graph), None
+    keyed, rig.motion.last = rigs.keyed(rig, graph), None
     try:
         old, new = changes.tempo_of(scene)
         if old != new:
@@ -279,7 +285,6 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         source = Source(
             program, program.places(wanted), counts, tuple(own), place, leaders, tuple(moving), is_posable=is_posable
         )
-        source.hangs = any(channels for _ob, channels in place[:-1])
     except ValueError as reason:
         return Source(refusal=_in_words(str(reason)))
     _remember(rig, read, source, graph)

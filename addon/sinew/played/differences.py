@@ -67,15 +67,15 @@ def note(rig: rigs.Rig, difference: Difference) -> str:
     """Keeps a difference of an armature, which is read as a whole the next time, and logs it. Returns the sentence for
     the panel."""
     sentence = difference.sentence(rig.ob)
-    if rig.difference is None or rig.difference.sentence(rig.ob) != sentence:
+    if rig.trust.difference is None or rig.trust.difference.sentence(rig.ob) != sentence:
         log.warning("what was computed is not what Blender has: %s", sentence)
-    rig.difference, rig.last = difference, None
+    rig.trust.difference, rig.motion.last = difference, None
     return sentence
 
 
 def report(rig: rigs.Rig, graph: Any) -> dict[str, Any]:
     """Returns all that is needed to find out why an armature differs, for JSON: its description, and both poses."""
-    keyed, found = rigs.keyed(rig, graph), rig.difference
+    keyed, found = rigs.keyed(rig, graph), rig.trust.difference
     return {
         "description": reading.read(rig.ob, graph, keyed, may_move=True).description,
         "driven keys": list(map(driven_keys.path_of, range(sum(len(numbers) for _keys, numbers in keyed)))),

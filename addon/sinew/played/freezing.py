@@ -50,7 +50,7 @@ def freeze(wanted: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
     Call it in the main thread, outside an evaluation. scene, layer: what a window shows."""
     wanted = list(wanted)
     for rig in wanted:
-        rig.rest.end()
+        rig.trial.rest.end()
     try:
         _freeze(wanted, scene, layer)
     except contract.Broken as broken:
@@ -69,7 +69,7 @@ def _freeze(wanted: list[rigs.Rig], scene: Any, layer: Any) -> None:
     settle(layer.depsgraph)
     own = {rig.key: rig for rig in (*wanted, *rigs.frozen()) if rigs.is_alive(rig.ob)}
     for rig in own.values():
-        want(rig, rig.needs_program)
+        want(rig, rig.trial.needs_program)
     if evaluations.is_job_running():
         for rig in wanted:
             if not rig.is_frozen:
@@ -94,15 +94,15 @@ def want(rig: rigs.Rig, needs_program: bool = False) -> None:
     more."""
     if rig.state is State.LIVE:
         rig.state = State.WANTED
-    elif needs_program and not rig.needs_program:
+    elif needs_program and not rig.trial.needs_program:
         return
-    rig.needs_program = needs_program
+    rig.trial.needs_program = needs_program
 
 
 def keep_records(rig: rigs.Rig) -> None:
     """Records an armature from now on, while Blender evaluates it, that may only be native until now."""
-    if rig.needs_program:
-        rig.needs_program = False
+    if rig.trial.needs_program:
+        rig.trial.needs_program = False
         if rig.state is State.WANTED:
             rig.state = State.LIVE
 
@@ -190,12 +190,12 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
     driven = [curve for rig in chosen for curve in rig.followers.drivers() if curve.id_data not in idle]
     for rig in chosen:
         played = [each.action for each in keyframes.actions_of(rig.ob)]
-        rig.actions = [each for each in played if each.evaluated_get(graph).is_evaluated] or rig.actions
+        rig.noticed.actions = [each for each in played if each.evaluated_get(graph).is_evaluated] or rig.noticed.actions
 
     def mark() -> None:
         for rig in at_home:
-            if rig.watch is not None:
-                rig.watch.mark(graph)
+            if rig.motion.watch is not None:
+                rig.motion.watch.mark(graph)
 
     relations.tag()
     _is_building = True
@@ -205,7 +205,7 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
                 if rigs.has_animation(rig.ob):
                     rebuilding.without_animation(rig.ob)
                 for curve in animation.drivers_of(rig.ob):
-                    rebuilding.on_no_frame(curve, rigs.time_of(rig.scene))
+                    rebuilding.on_no_frame(curve, rigs.time_of(rig.home.scene))
                 if rig.source.hangs:
                     rebuilding.without_parent(rig.ob)
                 for constraint, targets in followers.constraints_on(rig.ob, rig.source.moving):
@@ -229,10 +229,10 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
             copy = animation.find_driver(curve.id_data.evaluated_get(graph), curve.data_path, curve.array_index)
             if copy is not None:
                 relations.read_again(copy, curve, rig.source.moving, graph)
-        rig.hangs_unseen = rig.source.hangs
+        rig.noticed.hangs_unseen = rig.source.hangs
         followed = dependencies.with_parents(dependencies.outside_of(rig.ob)) if rig.source.moving else ()
         parents = [ob for ob, _channels in rig.source.place] if rig.source.hangs else ()
-        rig.unseen = [each for each in (*followed, *parents) if each != rig.ob]
+        rig.noticed.unseen = [each for each in (*followed, *parents) if each != rig.ob]
     for original in [*map(followers.hook_of, hooked.values()), *driven]:
         copy = original.id_data.evaluated_get(graph).animation_data
         found = copy and copy.drivers.find(original.data_path, index=original.array_index)
@@ -247,16 +247,16 @@ def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
     # Otherwise a handler has changed the frame, or relations.
     can_play = pose is not None and rigs.is_without_keys(rig, graph)
     # Without a parent that moves, Blender has put it elsewhere.
-    is_shown = can_play and not rig.hangs_unseen and rigs.shows(rig, graph, pose)
+    is_shown = can_play and not rig.noticed.hangs_unseen and rigs.shows(rig, graph, pose)
     if not can_play or not is_shown and rig.followers.is_simulated:  # what is simulated would have to be tagged
         watch.expect_thaw(graph, rig)
         relations.tag()
         return False
-    rig.is_selected = not _selected(layer).isdisjoint(rig.followers.keys | {rig.key})
-    rig.shown, rig.pose, rig.state = rigs.whole_frame(scene), pose, State.FROZEN
+    rig.noticed.is_selected = not _selected(layer).isdisjoint(rig.followers.keys | {rig.key})
+    rig.shown.frame, rig.shown.moment, rig.state = rigs.whole_frame(scene), pose, State.FROZEN
     if rig.source.is_proven:
-        rig.record.clear()
-    rig.animation, rig.asks_for_keys = rigs.animation_of(rig.ob), False
+        rig.motion.record.clear()
+    rig.noticed.animation, rig.noticed.asks_for_keys = rigs.animation_of(rig.ob), False
     if not is_shown:
         rigs.show(rig, graph, pose)
     return not is_shown
@@ -277,38 +277,42 @@ def pose(rig: rigs.Rig) -> bool:
     that."""
     changes.drop_all(rig)
     graph = rig.graph()
-    follows_itself = any(each in rig.followers.shaped for each in rig.unseen)
-    if not rig.is_posable or follows_itself or any(watch.may_have_moved(each, graph) for each in rig.unseen):
+    follows_itself = any(each in rig.followers.shaped for each in rig.noticed.unseen)
+    if (
+        not rig.trust.is_posable
+        or follows_itself
+        or any(watch.may_have_moved(each, graph) for each in rig.noticed.unseen)
+    ):
         return False
     if is_moved_unseen(rig, graph):
         return False
-    rig.state, rig.pose, rig.posed_on = State.POSED, None, None
+    rig.state, rig.shown.moment, rig.trust.posed_on = State.POSED, None, None
     return True
 
 
 def is_moved_unseen(rig: rigs.Rig, graph: Any) -> bool:
     """Whether an edit moves an armature whose parent Blender does not see, or that parent: it would be elsewhere."""
-    if not rig.hangs_unseen:
+    if not rig.noticed.hangs_unseen:
         return False
     copy = rigs.evaluated_copy(rig, graph)
     is_tagged = copy is None or evaluations.is_transform_tagged(copy)
-    return is_tagged or any(watch.may_have_moved(each, graph) for each in rig.unseen)
+    return is_tagged or any(watch.may_have_moved(each, graph) for each in rig.noticed.unseen)
 
 
 def note_posed(rig: rigs.Rig, graph: Any) -> None:
     """Notes whether the evaluation whose handlers run has evaluated the bones of an armature that is POSED."""
     copy = rigs.evaluated_copy(rig, graph)
     if copy is not None and evaluations.is_tagged(copy):
-        rig.posed_on = rigs.time_of(rig.scene)
+        rig.trust.posed_on = rigs.time_of(rig.home.scene)
 
 
 def look_at_keys(rig: rigs.Rig, graph: Any, is_new_frame: bool) -> None:
     """Has an armature that is POSED shown from its keyframes, if Blender would evaluate these now."""
-    own = [each for each in (rig.ob, *rig.actions) if rigs.is_alive(each)]
+    own = [each for each in (rig.ob, *rig.noticed.actions) if rigs.is_alive(each)]
     copies = [each.evaluated_get(graph) for each in own]
     is_asked = any(each.is_evaluated and evaluations.is_animation_tagged(each) for each in copies)
-    if is_new_frame or rig.asks_for_keys or is_asked:
-        rig.shown = None
+    if is_new_frame or rig.noticed.asks_for_keys or is_asked:
+        rig.shown.frame = None
 
 
 def resume(posed: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
@@ -319,14 +323,14 @@ def resume(posed: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
     found = {
         rig.key: f"{rig.name} is edited on each frame: it stays Blender's until it rests"
         for rig in posed
-        if rig.source.program is None and not rig.rest.may_read()
+        if rig.source.program is None and not rig.trial.rest.may_read()
     }
     found |= _read_edited([rig for rig in posed if rig.key not in found], graph)
     for rig in posed:
         if rig.key not in found:
-            rig.watch.expect_edited(graph)
+            rig.motion.watch.expect_edited(graph)
             rig.source.is_proven = True
-            rig.state, rig.shown = State.FROZEN, None
+            rig.state, rig.shown.frame = State.FROZEN, None
     return found
 
 
@@ -343,8 +347,8 @@ def _drop_edited(posed: list[rigs.Rig], graph: Any) -> None:
     """Drops the programs of armatures that are POSED and were edited since they were read."""
     for rig in posed:
         changes.compare_keys(rig, graph)
-        is_edited = rig.watch is not None and rig.watch.is_tagged(graph, True)
-        if is_edited or rig.tempo != changes.tempo_of(rig.scene):
+        is_edited = rig.motion.watch is not None and rig.motion.watch.is_tagged(graph, True)
+        if is_edited or rig.motion.tempo != changes.tempo_of(rig.home.scene):
             changes.drop_all(rig)
     changes.look(rigs.at_home(graph), graph)  # before what was copied is marked
 
@@ -371,8 +375,8 @@ def _read_anew(unread: list[rigs.Rig], graph: Any) -> dict[int, str]:
                 raise own
             reasons.check(rig.ob, graph.view_layer)
             changes.meet(rig, own, users, graph)
-            computing.read(rig, rig.scene, graph)
-            if not rig.is_posable:
+            computing.read(rig, rig.home.scene, graph)
+            if not rig.trust.is_posable:
                 raise followers.NotFreezable(rig.source.refusal or f"{rig.name} was edited")
         except followers.NotFreezable as reason:
             found[rig.key] = str(reason)
@@ -385,7 +389,7 @@ def _is_behind(rig: rigs.Rig, graph: Any) -> bool:
     copy = rigs.evaluated_copy(rig, graph)
     if copy is None or evaluations.is_transform_tagged(copy):
         return True
-    outside = dependencies.outside_of(rig.ob) if rig.last is None else rig.last.known.follows
+    outside = dependencies.outside_of(rig.ob) if rig.motion.last is None else rig.motion.last.known.follows
     return any(not rigs.is_alive(each) or evaluations.is_tagged(each.evaluated_get(graph)) for each in outside)
 
 
@@ -394,8 +398,11 @@ def select(graph: Any) -> None:
     a handler."""
     selected, reasons = _selected(graph.view_layer), {}
     for rig in rigs.known():
-        was, rig.is_selected = rig.is_selected, rig.key in selected or not selected.isdisjoint(rig.followers.keys)
-        if rig.is_frozen and rig.is_selected and not was and not rig.is_posable:
+        was, rig.noticed.is_selected = (
+            rig.noticed.is_selected,
+            rig.key in selected or not selected.isdisjoint(rig.followers.keys),
+        )
+        if rig.is_frozen and rig.noticed.is_selected and not was and not rig.trust.is_posable:
             reasons[rig.key] = f"{rig.name} is selected"
     if reasons:
         melt(graph, reasons)
@@ -413,8 +420,8 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
     for rig in own:
         rig.reason = reasons.get(rig.key, "")
         if rig.reason:
-            rig.last = None
-        if rig.is_frozen or rig.shown is None:
+            rig.motion.last = None
+        if rig.is_frozen or rig.shown.frame is None:
             _evaluate_keys(rig)
         rig.state = State.SUSPECT
         watch.expect_thaw(graph, rig)
@@ -442,8 +449,8 @@ def follow_tracks(scene: Any) -> None:
         graph = rig.graph()
         if graph is None or graph.scene != scene:
             continue
-        before, rig.tracks = rig.tracks, rigs.tracks_of(rig.ob)
-        if before != rig.tracks:
+        before, rig.noticed.tracks = rig.noticed.tracks, rigs.tracks_of(rig.ob)
+        if before != rig.noticed.tracks:
             _tag_relations(graph, [rig])
 
 
@@ -461,8 +468,12 @@ def melt_all() -> None:
 def _evaluate_keys(rig: rigs.Rig) -> None:
     """Has Blender evaluate the keyframes of an armature that is thawed. If the originals have the channels of this
     frame, they are left as they are: somebody may just have edited them."""
-    is_here = rig.shown is not None and rigs.is_alive(rig.scene) and rig.shown == rigs.time_of(rig.scene)
-    if not is_here or rig.asks_for_keys or not rig.is_posable and _has_other_keys(rig.ob):
+    is_here = (
+        rig.shown.frame is not None
+        and rigs.is_alive(rig.home.scene)
+        and rig.shown.frame == rigs.time_of(rig.home.scene)
+    )
+    if not is_here or rig.noticed.asks_for_keys or not rig.trust.is_posable and _has_other_keys(rig.ob):
         rig.ob.update_tag(refresh={"TIME"})
 
 
@@ -486,20 +497,20 @@ def freeze_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
         rig
         for rig in rigs.known()
         if rig.state is State.WANTED
-        and not rig.rest.left
-        and (not rig.is_selected or rig.is_posable)
-        and not (is_playing and (rig.reason or rig.shown is None))
+        and not rig.trial.rest.left
+        and (not rig.noticed.is_selected or rig.trust.is_posable)
+        and not (is_playing and (rig.reason or rig.shown.frame is None))
     ]
     # Blender has built relations for something else: nearly always they can be computed as before.
-    dropped = [rig for rig in waiting if rig.needs_program and rig.last and rig.source.program is None]
+    dropped = [rig for rig in waiting if rig.trial.needs_program and rig.motion.last and rig.source.program is None]
     if dropped:
         reasons.look_at_each(dropped, scene, layer)
     waiting = [
         rig
         for rig in waiting
-        if not (rig.needs_program and (rig.tries > 0 or not (rig.source.is_proven and rig.source.compared)))
+        if not (rig.trial.needs_program and (rig.trial.tries > 0 or not (rig.source.is_proven and rig.source.compared)))
         and (rigs.now(rig, scene) is not None or not is_playing and computing.can_be(rig))
-        and (rig.ob.mode == "OBJECT" or rig.is_posable and rig.ob.mode == "POSE")
+        and (rig.ob.mode == "OBJECT" or rig.trust.is_posable and rig.ob.mode == "POSE")
     ]
     if waiting:
         freeze(waiting, scene, layer)
@@ -511,11 +522,14 @@ def find_again() -> None:
     rigs.find_again()
     for rig in rigs.known():
         graph = rig.graph()
-        if rig.watch is not None and graph is not None and all(map(rigs.is_alive, rig.watch.blocks)):
-            watch.expect(graph, rig.watch.blocks)  # Blender copies all armatures again, with or without changes
-            rig.watch.action, rig.has_edited_keys = watch.own_action(rig.ob), rig.watch.action is not None
-            if rig.has_edited_keys == (rig.watch.action is not None):
-                if not rig.needs_program:  # of others nothing is shown before they are computed again
+        if rig.motion.watch is not None and graph is not None and all(map(rigs.is_alive, rig.motion.watch.blocks)):
+            watch.expect(graph, rig.motion.watch.blocks)  # Blender copies all armatures again, with or without changes
+            rig.motion.watch.action, rig.motion.has_edited_keys = (
+                watch.own_action(rig.ob),
+                rig.motion.watch.action is not None,
+            )
+            if rig.motion.has_edited_keys == (rig.motion.watch.action is not None):
+                if not rig.trial.needs_program:  # of others nothing is shown before they are computed again
                     changes.compare_keys(rig, graph)
                 continue
         changes.drop_all(rig)

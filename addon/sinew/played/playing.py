@@ -52,11 +52,11 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
             changes.expect_no_more(rigs.at_home(graph), graph)
     frozen: dict[int, list[rigs.Rig]] = {}  # by view layer
     for rig in rigs.known():
-        if rig.rest.left and rig.graph() is not None:
-            rig.rest.note_live(resting.is_edited(rig.ob, rig.graph()), is_new_frame)
+        if rig.trial.rest.left and rig.graph() is not None:
+            rig.trial.rest.note_live(resting.is_edited(rig.ob, rig.graph()), is_new_frame)
         if rig.is_idle:
-            frozen.setdefault(rig.layer, []).append(rig)
-        elif rig.watch is None and is_new_frame:
+            frozen.setdefault(rig.home.layer, []).append(rig)
+        elif rig.motion.watch is None and is_new_frame:
             if rig.graph() is None:
                 layers = [each for each in scene.view_layers if rigs.evaluated_copy(rig, each.depsgraph) is not None]
                 if layers:
@@ -71,10 +71,10 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
 
 def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
     reasons, everyone = {}, own
-    frame = rigs.time_of(own[0].scene)
-    changes.look(own, graph, is_new_frame or any(rig.shown != frame for rig in own))
+    frame = rigs.time_of(own[0].home.scene)
+    changes.look(own, graph, is_new_frame or any(rig.shown.frame != frame for rig in own))
     for rig in own:
-        if rig.animation != rigs.animation_of(rig.ob):
+        if rig.noticed.animation != rigs.animation_of(rig.ob):
             changes.drop_all(rig)
             reasons[rig.key] = f"the animation of {rig.name} was edited"
         elif rig.is_frozen:
@@ -85,13 +85,13 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
             if freezing.is_moved_unseen(rig, graph):
                 reasons[rig.key] = f"{rig.name} was edited"
             freezing.look_at_keys(rig, graph, is_new_frame)
-    anew = {rig.ob for rig in own if rig.shown is None}
+    anew = {rig.ob for rig in own if rig.shown.frame is None}
     posed = [rig for rig in own if not rig.is_frozen] if anew else []
     reached = dependencies.reaching((rig.ob for rig in posed), dependencies.leaders_of, anew.__contains__)
     for rig in posed:
         if rig.ob in reached:
-            rig.shown = None
-    own = [rig for rig in own if rig.is_frozen or rig.shown is None or rig.shown != frame]
+            rig.shown.frame = None
+    own = [rig for rig in own if rig.is_frozen or rig.shown.frame is None or rig.shown.frame != frame]
     if not reasons:
         posed = [rig for rig in own if not rig.is_frozen]
         reasons = freezing.resume(posed, graph) if posed else {}
@@ -99,7 +99,7 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
     for rig in own:
         if rig.at(frame) is None:
             reasons.setdefault(rig.key, f"frame {frame:g} of {rig.name} is not recorded: it is Blender's there")
-        elif rig.followers.is_simulated and not is_new_frame and (rig.pose is None or rig.shown != frame):
+        elif rig.followers.is_simulated and not is_new_frame and (rig.shown.moment is None or rig.shown.frame != frame):
             reasons.setdefault(rig.key, "")  # what is simulated would have to be tagged
     if not reasons:
         for rig in _play_frame(own, graph, frame, is_new_frame):
@@ -109,18 +109,18 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
     if reasons:
         freezing.melt(graph, reasons)
     for rig in everyone:
-        rig.asks_for_keys = False
+        rig.noticed.asks_for_keys = False
 
 
 def _look(rig: rigs.Rig, graph: Any, frame: float, is_new_frame: bool) -> str:
     """Finds out whether a frozen armature was edited. Returns why it cannot stay frozen, or POSED, or ""."""
-    rig.has_edited_keys |= rig.watch is not None and rig.watch.are_keys_tagged(graph)
+    rig.motion.has_edited_keys |= rig.motion.watch is not None and rig.motion.watch.are_keys_tagged(graph)
     changes.compare_keys(rig, graph)
-    have_keys_changed = rig.is_posable and rig.at(frame) is None and not rig.source.is_proven
-    if have_keys_changed or rig.watch is None or rig.watch.is_tagged(graph, is_new_frame):
+    have_keys_changed = rig.trust.is_posable and rig.at(frame) is None and not rig.source.is_proven
+    if have_keys_changed or rig.motion.watch is None or rig.motion.watch.is_tagged(graph, is_new_frame):
         return "" if freezing.pose(rig) else f"{rig.name} was edited"
-    if rig.tempo != changes.tempo_of(rig.scene):
-        return f"{rig.scene.name} plays at another speed than when {rig.name} was recorded: press Record"
+    if rig.motion.tempo != changes.tempo_of(rig.home.scene):
+        return f"{rig.home.scene.name} plays at another speed than when {rig.name} was recorded: press Record"
     return ""
 
 
@@ -131,12 +131,12 @@ def _moved_by_others(rig: rigs.Rig) -> str:
 
 def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: bool) -> list[rigs.Rig]:
     """Shows a recorded frame of frozen armatures. Returns those whose bones are not as they were left."""
-    shown = [rig for rig in own if rig.shown == frame] if is_new_frame else []
+    shown = [rig for rig in own if rig.shown.frame == frame] if is_new_frame else []
     lacking = [rig for rig, is_left in zip(shown, rigs.are_left(graph, shown)) if not is_left]
     for rig in own:
-        if rig.pose is None:  # Blender has evaluated it
-            rig.shown, rig.pose = frame, rig.at(frame)
-            if not rigs.show(rig, graph, rig.pose):
+        if rig.shown.moment is None:  # Blender has evaluated it
+            rig.shown.frame, rig.shown.moment = frame, rig.at(frame)
+            if not rigs.show(rig, graph, rig.shown.moment):
                 lacking.append(rig)
             _tag_followers(rig, graph)
             follow = rig.followers
@@ -144,11 +144,11 @@ def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: boo
             for block in (*follow.hooked, *follow.keyframed, *follow.driven_blocks()) if not is_new_frame else ():
                 if rigs.is_evaluated(block, graph):
                     block.update_tag()
-    steps = [(rig, rig.at(frame)) for rig in own if rig.shown != frame]
+    steps = [(rig, rig.at(frame)) for rig in own if rig.shown.frame != frame]
     for (rig, moment), is_shown in zip(steps, rigs.show_next(graph, steps)):
         if is_shown:
-            rig.shown, rig.pose = frame, moment
-            rig.rest.note_played()
+            rig.shown.frame, rig.shown.moment = frame, moment
+            rig.trial.rest.note_played()
             _tag_followers(rig, graph)
         else:
             lacking.append(rig)
@@ -170,9 +170,15 @@ def _compare_in(graph: Any, scene: Any) -> None:
     time, differing = rigs.time_of(scene), []
     for rig in rigs.frozen():
         home, copy = rig.graph(), rigs.evaluated_copy(rig, graph)
-        if copy is None or home is None or rig.scene != scene or not rig.source.is_proven or rig.watch is None:
+        if (
+            copy is None
+            or home is None
+            or rig.home.scene != scene
+            or not rig.source.is_proven
+            or rig.motion.watch is None
+        ):
             continue
-        if rig.watch.may_be_edited(home):
+        if rig.motion.watch.may_be_edited(home):
             continue
         moment = rig.at(time) or computing.moment(rig, time)
         if moment is None:
@@ -212,7 +218,7 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
         ):
             # Blender has built relations, and copied it
             reasons[rig.key] = ""
-            if rig.is_posable:  # or edited it may be
+            if rig.trust.is_posable:  # or edited it may be
                 changes.drop_all(rig)
             else:
                 watch.expect_thaw(graph, rig)
@@ -223,15 +229,15 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
             freezing.note_posed(rig, graph)
         if not rig.is_frozen or rig.key in reasons:
             continue
-        if rig.watch is None:
+        if rig.motion.watch is None:
             if is_new_frame:  # by a handler, before Blender would have evaluated its keyframes: these win
-                rig.shown = None
+                rig.shown.frame = None
             if is_new_frame or not freezing.pose(rig):
                 reasons[rig.key] = f"{rig.name} was edited"
-        elif rig.shown != frame or not rigs.is_left_by(rig, graph):
+        elif rig.shown.frame != frame or not rigs.is_left_by(rig, graph):
             reasons[rig.key] = _moved_by_others(rig)
         else:
-            rig.watch.note(graph)
+            rig.motion.watch.note(graph)
     if reasons:
         freezing.melt(graph, reasons)
     freezing.select(graph)
@@ -240,5 +246,5 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
     if is_new_frame:
         changes.record([rig for rig in own if not rig.is_idle], scene, graph)
     for rig in own:
-        if rig.skins is not None and not rig.is_frozen:
+        if rig.motion.skins is not None and not rig.is_frozen:
             changes.compare_keys(rig, graph)

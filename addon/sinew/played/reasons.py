@@ -82,11 +82,11 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
         return f"{rig.name} stays Blender's: {own}"
     _drop_what_is_wrong(rig, scene, layer)
     computing.prove(rig, own, users, scene, layer.depsgraph)
-    if not (rig.source.is_proven and rig.is_posable):
+    if not (rig.source.is_proven and rig.trust.is_posable):
         # Only those are recorded that have keyframes, and follow nothing that moves by itself.
         moving = followers.moving(rig.ob, dependencies.outside_of(rig.ob))
         follows = f"bones of {rig.name} follow {_names(moving)}, outside of it, which may move: " if moving else ""
-        if rig.needs_program or moving or not rigs.has_animation(rig.ob):
+        if rig.trial.needs_program or moving or not rigs.has_animation(rig.ob):
             return follows + why_not_computed(rig, scene)
         followers.check_place(rig.ob)
     unknown = own.reads.keys() - {each.path for each in rig.source.settings}
@@ -96,7 +96,7 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
             f"the driver of {own.reads[path]} reads {spoken_paths.spoken(path)} of {rig.name}, which is animated and "
             "not recorded: let it read a channel of a bone"
         )
-    if rig.ob.mode == "POSE" and not rig.is_posable:
+    if rig.ob.mode == "POSE" and not rig.trust.is_posable:
         return being_edited(rig.ob)
     reason = why_live(rig, scene, layer)
     if reason:
@@ -117,7 +117,7 @@ def why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:
     bone = unkeyed_bone(rig, scene)
     if bone:
         return _unkeyed(rig, bone)
-    if rig.restless > 1:
+    if rig.motion.restless > 1:
         return f"{rig.name} is edited on each frame: switch off the script or add-on that does it, and press Record"
     return f"frame {frame} of {rig.name} is not recorded: play it, or press Record"
 
@@ -151,8 +151,8 @@ def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
     graph = rig.graph()
     if graph is not None and rigs.is_hidden(rig, graph):
         return f"{rig.name} is hidden, so Blender may not evaluate all of its bones: show it"
-    if rig.difference is not None:
-        return rig.difference.sentence(rig.ob)
+    if rig.trust.difference is not None:
+        return rig.trust.difference.sentence(rig.ob)
     return f"the pose of {rig.name} is not exactly what was computed: change the frame to have it compared again"
 
 
@@ -167,7 +167,7 @@ def _drop_what_is_wrong(rig: rigs.Rig, scene: Any, layer: Any) -> None:
         return
     if rig.graph() != graph:
         _move(rig, scene, layer)
-    elif rig.watch is not None and rig.tempo != changes.tempo_of(scene):
+    elif rig.motion.watch is not None and rig.motion.tempo != changes.tempo_of(scene):
         changes.drop_all(rig)
     changes.compare_keys(rig, graph)
     moment, copy = rigs.now(rig, scene), rigs.evaluated_copy(rig, graph)
@@ -180,12 +180,12 @@ def _move(rig: rigs.Rig, scene: Any, layer: Any) -> None:
     """Records and freezes an armature in another view layer from now on. Of the same scene it keeps its record, unless
     something was edited: the pose does not depend on the view layer, as far as this frame shows."""
     before = rig.graph()
-    is_kept = rig.watch is not None and before is not None and rig.scene == scene
-    if is_kept and not changes.look([rig], before) and not rig.watch.is_tagged(before, True):
+    is_kept = rig.motion.watch is not None and before is not None and rig.home.scene == scene
+    if is_kept and not changes.look([rig], before) and not rig.motion.watch.is_tagged(before, True):
         changes.compare_keys(rig, before)
     else:
         rig.clear()
-    rig.watch = None
+    rig.motion.watch = None
     rig.live_in(scene, layer)
 
 
@@ -203,7 +203,7 @@ def prepare(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
     found = followers.find([rig.ob for rig in own], users, layer.depsgraph)
     changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
     for rig in own:
-        rig.restless = rig.to_skip = 0
+        rig.motion.restless = rig.motion.to_skip = 0
         _drop_what_is_wrong(rig, scene, layer)
         computing.prove(rig, found[rig.ob], users, scene, layer.depsgraph)
 

@@ -25,7 +25,7 @@ def missing(rig: rigs.Rig, scene: bpy.types.Scene) -> list[int]:
 def lacks(rig: rigs.Rig, frame: int) -> bool:
     """Whether a frame is neither computed nor recorded, or lacks the shapes that onion skins need."""
     origin = rig.origin(frame)
-    return origin is None or rig.skins is not None and rig.skins.lacks(frame, origin)
+    return origin is None or rig.motion.skins is not None and rig.motion.skins.lacks(frame, origin)
 
 
 def armatures_of(objects: Iterable[Any]) -> list[Any]:
@@ -87,7 +87,7 @@ def _to_play(rig: rigs.Rig, scene: bpy.types.Scene, now: int | None) -> list[int
     """Returns the frames that have to be played: none of those that are computed, unless for ghosts."""
     first, last = frame_range(scene)
     frames = [*range(first, last + 1), *([now] if now is not None else ())]
-    found = [] if rig.source.is_proven else [frame for frame in frames if frame not in rig.record]
-    if rig.skins is not None:
+    found = [] if rig.source.is_proven else [frame for frame in frames if frame not in rig.motion.record]
+    if rig.motion.skins is not None:
         found += [frame for frame in frames if rig.origin(frame) is not None and lacks(rig, frame)]
     return found

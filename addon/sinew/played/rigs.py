@@ -45,7 +45,6 @@ class Source:
     place: tuple[tuple[Any, tuple[Channel, ...]], ...] = ()
     leaders: tuple[Any, ...] = ()  # what it follows of other armatures, leading.Leader
     moving: tuple[Any, ...] = ()  # the other objects that it computes, as it follows them, parents first
-    hangs: bool = False  # its parents move
     is_proven: bool = False  # it has computed what Blender has
     is_posable: bool = False  # keyframes set nothing but what is written on each frame
     refusal: str = ""  # why there is no program
@@ -56,53 +55,99 @@ class Source:
     milliseconds: float = 0.0
     blender_milliseconds: float = 0.0
 
+    @property
+    def hangs(self) -> bool:
+        """Whether its parents move."""
+        return any(channels for _ob, channels in self.place[:-1])
 
-@dataclass(eq=False)
+
+@dataclass(slots=True)
+class Home:
+    """The view layer in which an armature is recorded and played."""
+
+    scene: Any = None
+    layer: int = 0  # its address
+
+
+@dataclass(slots=True)
+class Shown:
+    """What was written last."""
+
+    frame: float | None = None
+    moment: Any = None  # the Moment of that frame; None: Blender has evaluated it
+    family: places.Family = field(default_factory=places.Family)  # where it was put with it, if it moves as a whole
+
+
+@dataclass(slots=True)
+class Motion:
+    """What is known of an armature's frames, and what that depends on."""
+
+    record: records.Record
+    computed: tuple[float, Any] | None = None  # what its program has computed last: (time, Moment)
+    last: Any = None  # what its last program was read from, see computing.py
+    watch: Any = None  # watch.Watch on what the record depends on; None: nothing is recorded
+    keys: Any = None  # the keyframes that the record was made with, a keys.Keys
+    has_edited_keys: bool = False  # they may not be those any more
+    tempo: tuple[int, int] = (0, 0)  # how the scene has mapped its frames to times
+    restless: int = 0  # frames that will not be recorded if somebody edits it on this one again
+    to_skip: int = 0  # frames that are not recorded now
+    skins: Any = None  # its onion skins (ghosts.Skins), if they are shown
+
+
+@dataclass(slots=True)
+class Trust:
+    """Whether its programs have computed what Blender has."""
+
+    is_distrusted: bool = False  # a moment that was computed was not what Blender has evaluated
+    distrusted: Any = None  # as description.edits.settings_of returned it then
+    has_differed: bool = False  # from what Blender has evaluated elsewhere, once
+    difference: Any = None  # differences.Difference of its last program, or None
+    is_posable: bool = False  # it may be POSED: such a program was proven
+    posed_on: float | None = None  # the frame on which Blender has last evaluated it while it is POSED
+
+
+@dataclass(slots=True)
+class Trial:
+    """How an armature is played that nobody has asked to record, see accelerating.py."""
+
+    needs_program: bool = False  # it is wanted frozen only if it is computed
+    tries: int = 0
+    tries_to_skip: int = 0
+    tried_at: int = 0
+    rest: Rest = field(default_factory=Rest)  # from edits on each frame
+
+
+@dataclass(slots=True)
+class Noticed:
+    """What was seen of an armature at the last look, or when it was frozen."""
+
+    is_selected: bool = False  # it was, or something of it, at the last look
+    tracks: list[tuple[bool, bool]] = field(default_factory=list)  # as returned by tracks_of, at the last look
+    animation: Any = None  # as returned by animation_of, when it was frozen
+    actions: list[Any] = field(default_factory=list)  # that Blender had evaluated when it was frozen
+    asks_for_keys: bool = False  # one of these was edited so that Blender would evaluate keyframes on this frame
+    unseen: list[Any] = field(default_factory=list)  # what it follows, if relations were built without some of it
+    hangs_unseen: bool = False  # relations were built without its parent, which moves
+
+
+@dataclass(eq=False, slots=True)
 class Rig:
     """An armature that may be played, with all that follows it."""
 
     ob: Any  # the original armature object
     key: int
     last_name: str  # when somebody has asked for it
-    record: records.Record
+    motion: Motion
     library: str | None = None  # that it is linked from; an override of it has the same name
     state: State = State.LIVE
     reason: str = ""  # why it is live although it is wanted frozen, a sentence
     followers: Followers = field(default_factory=Followers)
-    scene: Any = None  # in which it is recorded and frozen
-    layer: int = 0  # address of the view layer
-    shown: float | None = None  # the frame whose pose was written last
-    pose: Any = None  # that Moment
-    family: places.Family = field(default_factory=places.Family)  # where it was put with it, if it moves as a whole
-    computed: tuple[float, Any] | None = None  # what its program has computed last: (time, Moment)
-    is_selected: bool = False  # it was, or something of it, at the last look
-    watch: Any = None  # watch.Watch on what the record depends on; None: nothing is recorded
-    keys: Any = None  # the keyframes that the record was made with, a keys.Keys
-    has_edited_keys: bool = False  # they may not be those any more
-    actions: list[Any] = field(default_factory=list)  # that Blender had evaluated when it was frozen
-    asks_for_keys: bool = False  # one of these was edited so that Blender would evaluate keyframes on this frame
-    tempo: tuple[int, int] = (0, 0)  # how the scene has mapped its frames to times
-    restless: int = 0  # frames that will not be recorded if somebody edits it on this one again
-    to_skip: int = 0  # frames that are not recorded now
-    skins: Any = None  # its onion skins (ghosts.Skins), if they are shown
     source: Source = field(default_factory=Source)
-    last: Any = None  # what its last program was read from, see computing.py
-    is_distrusted: bool = False  # a moment that was computed was not what Blender has evaluated
-    distrusted: Any = None  # as description.edits.settings_of returned it then
-    is_posable: bool = False  # it may be POSED: such a program was proven
-    needs_program: bool = False  # it is wanted frozen only if it is computed, see accelerating.py
-    has_differed: bool = False  # from what Blender has evaluated elsewhere, once
-    difference: Any = None  # differences.Difference of its last program, or None
-    posed_on: float | None = None  # the frame on which Blender has last evaluated it while it is POSED
-    # What it follows, with parents, if relations were built without some of it.
-    unseen: list[Any] = field(default_factory=list)
-    hangs_unseen: bool = False  # relations were built without its parent, which moves
-    rest: Rest = field(default_factory=Rest)  # from edits on each frame
-    tries: int = 0  # see accelerating.py
-    tries_to_skip: int = 0
-    tried_at: int = 0
-    tracks: list[tuple[bool, bool]] = field(default_factory=list)  # as returned by tracks_of, at the last look
-    animation: Any = None  # as returned by animation_of, when it was frozen
+    home: Home = field(default_factory=Home)
+    shown: Shown = field(default_factory=Shown)
+    trust: Trust = field(default_factory=Trust)
+    trial: Trial = field(default_factory=Trial)
+    noticed: Noticed = field(default_factory=Noticed)
 
     @property
     def name(self) -> str:
@@ -132,42 +177,44 @@ class Rig:
 
     def try_at_once(self) -> None:
         """Has it tried again as soon as possible, see accelerating.py."""
-        self.tries = self.tries_to_skip = 0
+        self.trial.tries = self.trial.tries_to_skip = 0
 
     @property
     def is_recorded(self) -> bool:
         """Whether its poses are recorded while Blender evaluates it: not if they can be computed. Of those that are
         wanted native, for their onion skins."""
-        return not self.source.is_proven and (not self.needs_program or self.skins is not None)
+        return not self.source.is_proven and (not self.trial.needs_program or self.motion.skins is not None)
 
     def at(self, time: float) -> Any:
         """Returns the Moment at that frame or between two, or None if it is neither recorded nor was computed last."""
-        return self.computed[1] if self.computed is not None and self.computed[0] == time else self.record.at(time)
+        computed = self.motion.computed
+        return computed[1] if computed is not None and computed[0] == time else self.motion.record.at(time)
 
     def origin(self, frame: int) -> Any:
         """Returns an object that lives, and stays the same, as long as the pose of that frame does; None if the pose is
         not known."""
         if self.source.is_proven:
             return self.source.program
-        moment = self.record.at(frame)
+        moment = self.motion.record.at(frame)
         return None if moment is None else moment.pose
 
     def clear(self) -> None:
         """Drops all that is recorded."""
-        self.record.clear()
-        self.watch, self.source, self.computed, self.difference, self.last = None, Source(), None, None, None
-        if self.skins is not None:
-            self.skins.clear()
+        self.motion.record.clear()
+        self.source, self.trust.difference = Source(), None
+        self.motion.watch = self.motion.computed = self.motion.last = None
+        if self.motion.skins is not None:
+            self.motion.skins.clear()
 
     def live_in(self, scene: Any, layer: Any) -> None:
         """Records and freezes it in a view layer from now on."""
-        self.scene, self.layer = scene, layer.as_pointer()
+        self.home.scene, self.home.layer = scene, layer.as_pointer()
 
     def graph(self) -> Any:
         """Returns the dependency graph in which it is recorded and frozen, or None."""
-        if not is_alive(self.scene):
+        if not is_alive(self.home.scene):
             return None
-        found = next((each for each in self.scene.view_layers if each.as_pointer() == self.layer), None)
+        found = next((each for each in self.home.scene.view_layers if each.as_pointer() == self.home.layer), None)
         return found.depsgraph if found is not None else None
 
 
@@ -199,12 +246,12 @@ def known() -> list[Rig]:
 def at_home(graph: Any) -> list[Rig]:
     """Returns the armatures that are recorded and frozen in a graph."""
     scene, layer = graph.scene, graph.view_layer.as_pointer()
-    return [rig for rig in known() if rig.layer == layer and is_alive(rig.scene) and rig.scene == scene]
+    return [rig for rig in known() if rig.home.layer == layer and is_alive(rig.home.scene) and rig.home.scene == scene]
 
 
 def graphs(own: Iterable[Rig]) -> list[Any]:
     """Returns the graphs in which these are recorded and frozen, without duplicates."""
-    return [graph for graph in {rig.layer: rig.graph() for rig in own}.values() if graph is not None]
+    return [graph for graph in {rig.home.layer: rig.graph() for rig in own}.values() if graph is not None]
 
 
 def frozen() -> list[Rig]:
@@ -227,9 +274,9 @@ def learn(ob: Any) -> Rig:
     """Records an original armature object from now on, whenever it plays. Returns what is known of it."""
     found = get(ob)
     if found is None:
-        found = _rigs[values.key_of(ob)] = Rig(ob, values.key_of(ob), ob.name, records.Record(store))
+        found = _rigs[values.key_of(ob)] = Rig(ob, values.key_of(ob), ob.name, Motion(records.Record(store)))
         found.library = ob.library.filepath if ob.library is not None else None
-        found.tracks = tracks_of(ob)
+        found.noticed.tracks = tracks_of(ob)
     return found
 
 
@@ -304,7 +351,7 @@ def _has_lost_keys(rig: Rig, evaluated: Any, graph: Any) -> bool:
 
 def unseen_actions(rig: Rig, graph: Any) -> list[Any]:
     """Returns the actions of an idle armature that a graph does not have."""
-    own = rig.actions if rig.is_idle else ()
+    own = rig.noticed.actions if rig.is_idle else ()
     return [each for each in own if is_alive(each) and not each.evaluated_get(graph).is_evaluated]
 
 
@@ -357,8 +404,8 @@ def is_placed(rig: Rig, graph: Any, moment: Moment) -> bool:
 def are_left(graph: Any, own: Sequence[Rig]) -> list[bool]:
     """Whether the evaluated bones of armatures, and the keys that follow them, are as their last poses have left
     them."""
-    found = iter(_show(graph, [(rig, rig.pose) for rig in own if rig.pose is not None]))
-    return [rig.pose is not None and next(found) and rig.family.is_left(graph) for rig in own]
+    found = iter(_show(graph, [(rig, rig.shown.moment) for rig in own if rig.shown.moment is not None]))
+    return [rig.shown.moment is not None and next(found) and rig.shown.family.is_left(graph) for rig in own]
 
 
 def is_left_by(rig: Rig, graph: Any) -> bool:
@@ -366,10 +413,10 @@ def is_left_by(rig: Rig, graph: Any) -> bool:
     whose handlers run. What that has not evaluated is not looked at."""
     copy = evaluated_copy(rig, graph)
     if copy is not None and (evaluations.is_tagged(copy) or evaluations.is_tagged(copy.data)):
-        return shows(rig, graph, rig.pose) and rig.family.is_left(graph)
+        return shows(rig, graph, rig.shown.moment) and rig.shown.family.is_left(graph)
     follow = keyed(rig, graph)
     has_evaluated = any(evaluations.is_tagged(keys.evaluated_get(graph)) for keys, _numbers in follow)
-    return not has_evaluated and len(follow) == len(rig.pose.keys) or _have_values(rig, graph, rig.pose)
+    return not has_evaluated and len(follow) == len(rig.shown.moment.keys) or _have_values(rig, graph, rig.shown.moment)
 
 
 def _show(graph: Any, asked: Sequence[tuple[Rig, Moment]]) -> list[bool]:
@@ -412,28 +459,28 @@ def _write_settings(rig: Rig, graph: Any, moment: Moment, before: Sequence[float
 
 
 def _place(rig: Rig, graph: Any, moment: Moment) -> None:
-    rig.family.forget()
+    rig.shown.family.forget()
     if rig.source.place:
-        rig.family.write(rig.source.place, moment.place, rig.followers.carried, graph)
+        rig.shown.family.write(rig.source.place, moment.place, rig.followers.carried, graph)
 
 
 def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
     """Does what `shows` and `show` do, for several armatures at once, and goes through the bones of each only once.
-    steps: each with the Moment to show; `rig.pose` must be shown. Returns False for those of which it is not: they have
-    to be thawed, because some bones may have been written."""
+    steps: each with the Moment to show; `rig.shown.moment` must be shown. Returns False for those of which it is not:
+    they have to be thawed, because some bones may have been written."""
     found = []
     for rig, moment in steps:
         follow = [(keys.evaluated_get(graph), keys, numbers) for keys, numbers in keyed(rig, graph)]
-        is_left = rig.pose is not None and len(follow) == len(rig.pose.keys) == len(moment.keys)
-        is_left = is_left and rig.family.is_left(graph)
+        is_left = rig.shown.moment is not None and len(follow) == len(rig.shown.moment.keys) == len(moment.keys)
+        is_left = is_left and rig.shown.family.is_left(graph)
         is_left = is_left and all(
             key_blocks.values_of(evaluated, numbers) == recorded
-            for (evaluated, _keys, numbers), recorded in zip(follow, rig.pose.keys)
+            for (evaluated, _keys, numbers), recorded in zip(follow, rig.shown.moment.keys)
         )
         found.append((rig, moment, follow, is_left))
     stepped = iter(
         poses.step(
-            (evaluated_copy(rig, graph), rig.ob, rig.pose.pose, moment.pose)
+            (evaluated_copy(rig, graph), rig.ob, rig.shown.moment.pose, moment.pose)
             for rig, moment, _follow, is_left in found
             if is_left
         )
@@ -441,7 +488,7 @@ def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
     results = [is_left and next(stepped) for _rig, _moment, _follow, is_left in found]
     for (rig, moment, follow, _is_left), is_shown in zip(found, results):
         if is_shown:
-            _write_settings(rig, graph, moment, rig.pose.settings)
+            _write_settings(rig, graph, moment, rig.shown.moment.settings)
             _place(rig, graph, moment)
         for (evaluated, keys, numbers), recorded in zip(follow, moment.keys) if is_shown else ():
             key_blocks.set_values(evaluated, numbers, recorded)

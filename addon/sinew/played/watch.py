@@ -204,7 +204,11 @@ def expect(graph: Any, blocks: Iterable[Any]) -> None:
 
 def expect_thaw(graph: Any, rig: Any) -> None:
     """Says that Blender copies an armature and its actions again, because relations are built with them."""
-    actions = [each for each in rig.watch.blocks if isinstance(each, bpy.types.Action)] if rig.watch is not None else []
+    actions = (
+        [each for each in rig.motion.watch.blocks if isinstance(each, bpy.types.Action)]
+        if rig.motion.watch is not None
+        else []
+    )
     expect(graph, [rig.ob, rig.ob.data, *actions])
 
 

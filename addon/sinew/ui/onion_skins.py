@@ -32,7 +32,7 @@ class ToggleOnionSkins(available.Explains, bpy.types.Operator):
         if not armatures:
             raise ValueError("the selected characters have no keyframes, so there is nothing to show")
         own = [rigs.learn(ob) for ob in armatures]
-        change = ghosts.hide if all(rig.skins is not None for rig in own) else ghosts.show
+        change = ghosts.hide if all(rig.motion.skins is not None for rig in own) else ghosts.show
         for rig in own:
             change(rig)
         if change is ghosts.show:
@@ -69,7 +69,7 @@ def fill() -> float:
 def are_shown(context: bpy.types.Context) -> bool:
     """Whether all selected characters have ghosts."""
     own = [rigs.get(ob) for ob in played_rigs.chosen(context)]
-    return bool(own) and all(rig is not None and rig.skins is not None for rig in own)
+    return bool(own) and all(rig is not None and rig.motion.skins is not None for rig in own)
 
 
 class SidebarOnionSkins(InSidebar, bpy.types.Panel):

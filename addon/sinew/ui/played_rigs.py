@@ -147,9 +147,9 @@ def draw_rig(layout: bpy.types.UILayout, context: bpy.types.Context, rig: Any) -
     row = layout.split(factor=0.5, align=True)
     row.prop(rig.ob, "sinew_accelerates_rig", text=rig.name)
     row.label(text=frames_text(rig))
-    if rig.is_wanted and not rig.is_idle and not rig.needs_program and rig.reason:
+    if rig.is_wanted and not rig.is_idle and not rig.trial.needs_program and rig.reason:
         notice.draw_sentence(layout, context, rig.reason, False)
-    if rig.source.refusal and not rig.needs_program:
+    if rig.source.refusal and not rig.trial.needs_program:
         notice.draw_sentence(layout, context, f"It is recorded, not computed: {rig.source.refusal}", False)
 
 
@@ -157,7 +157,7 @@ def frames_text(rig: Any) -> str:
     """Returns which frames of a character are recorded, as text."""
     if rig.source.is_proven:
         return "native" if rig.is_idle else "Blender's"
-    runs = [f"{first}" if first == last else f"{first} to {last}" for first, last in rig.record.runs()]
+    runs = [f"{first}" if first == last else f"{first} to {last}" for first, last in rig.motion.record.runs()]
     more = f" and {len(runs) - MOST_RUNS} more" if len(runs) > MOST_RUNS else ""
     return ", ".join(runs[:MOST_RUNS]) + more or "not recorded"
 
@@ -178,9 +178,9 @@ class SidebarRigs(InSidebar, bpy.types.Panel):
 def _switch_rigs(scene: Any, context: Any) -> None:
     """Lets Blender evaluate the rigs of a scene that are only accelerated, and keeps nothing of them, or tries all
     again."""
-    here = [rig for rig in rigs.known() if rig.scene in (scene, None)]
+    here = [rig for rig in rigs.known() if rig.home.scene in (scene, None)]
     if not scene.sinew_accelerates_rigs:
-        own = [rig for rig in here if rig.needs_program]
+        own = [rig for rig in here if rig.trial.needs_program]
         freezing.thaw(own, scene, context.view_layer)
         for rig in own:
             rig.clear()
@@ -213,7 +213,7 @@ class Bar(NamedTuple):
 def marked(context: bpy.types.Context) -> list[rigs.Rig]:
     """Returns the characters with a strip: those that are frozen or were, and the selected ones."""
     selected = chosen(context)
-    found = [rig for rig in rigs.known() if len(rig.record) and (rig.is_wanted or rig.ob in selected)]
+    found = [rig for rig in rigs.known() if len(rig.motion.record) and (rig.is_wanted or rig.ob in selected)]
     return sorted(found, key=lambda rig: rig.name)[:MOST_STRIPS]
 
 
@@ -225,7 +225,9 @@ def bars(shown: Iterable[rigs.Rig], place: Callable[[float], float], height: flo
     for rig in shown:
         color = FROZEN if rig.is_idle else LIVE
         bottom = top - HEIGHT * scale
-        found += [Bar(place(first - 0.5), bottom, place(last + 0.5), top, color) for first, last in rig.record.runs()]
+        found += [
+            Bar(place(first - 0.5), bottom, place(last + 0.5), top, color) for first, last in rig.motion.record.runs()
+        ]
         top = bottom - GAP * scale
     return found
 

@@ -40,11 +40,11 @@ def offered(reason: str, rig: rigs.Rig) -> Iterator[tuple[str, str]]:
         yield SelectBone.bl_idname, ""
     if names_driver(reason):
         yield ShowDriver.bl_idname, ""
-    if reason and rig.is_distrusted:
+    if reason and rig.trust.is_distrusted:
         yield AccelerateAgain.bl_idname, ""
     if reason and (rig.source.refusal or rig.source.is_proven) and rigs.has_animation(rig.ob):
         yield "object.sinew_record", "Record Instead"
-    if rig.difference is not None:
+    if rig.trust.difference is not None:
         yield ReportRig.bl_idname, ""
 
 
@@ -205,7 +205,7 @@ class ReportRig(available.Reports, bpy.types.Operator, ExportHelper):
 
     def run(self, context):
         rig = next((each for each in rigs.known() if each.ob.name_full == self.armature), None)
-        if rig is None or rig.difference is None:
+        if rig is None or rig.trust.difference is None:
             raise ValueError(f"No difference from Blender was found in {self.armature or 'any armature'}")
         found = differences.report(rig, context.evaluated_depsgraph_get())
         Path(self.filepath).write_text(json.dumps(found, default=reading.as_list) + "\n", encoding="utf-8")
@@ -249,8 +249,8 @@ def text_of(armature: Any) -> tuple[str, str]:
         gain = f", {blender / own:.1f} times faster" if blender > own else ""
         return f"Rig: native{gain}\n{own:.2f} ms (Blender {blender:.2f})", ""
     if rig.is_idle:
-        return "Rig: native" if rig.is_posable else "Rig: recorded", ""
-    return "Rig: Blender's", "" if rig.stays_live or not rig.needs_program else rig.reason
+        return "Rig: native" if rig.trust.is_posable else "Rig: recorded", ""
+    return "Rig: Blender's", "" if rig.stays_live or not rig.trial.needs_program else rig.reason
 
 
 def compared(armature: Any) -> int:

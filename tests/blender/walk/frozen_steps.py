@@ -58,7 +58,7 @@ def compare_more(_random):
 
 def count_step():
     began["all"] += 1
-    began["with an accelerated rig"] += any(rig.is_idle and rig.needs_program for rig in recorded().known())
+    began["with an accelerated rig"] += any(rig.is_idle and rig.trial.needs_program for rig in recorded().known())
 
 
 def wait():
@@ -69,7 +69,7 @@ def wait():
     number = addon_module("played.playing").evaluation_count()
     while accelerating.step(bpy.context.scene, bpy.context.view_layer, number):
         pass
-    own = [rig for rig in recorded().known() if rig.needs_program]
+    own = [rig for rig in recorded().known() if rig.trial.needs_program]
     looked_at.update("accelerated" if rig.is_frozen else "left to Blender" for rig in own)
     looked_at["following another"] += sum(rig.is_frozen and len(rig.source.leaders) > 0 for rig in own)
     looked_at["following an object"] += sum(rig.is_frozen and len(rig.source.moving) > 0 for rig in own)
