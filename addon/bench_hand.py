@@ -3,7 +3,7 @@
     blender -b --python-exit-code 1 --python addon/bench_edits.py -- --shot [--characters N] [--json FILE]
 
 The shot is that of bench_shot.py without the props. Rounds alternate between Blender's modifiers with Sinew's handlers
-removed, Sinew with live rigs, with accelerated ones, and with all characters but one frozen. Each step is measured with
+removed, Sinew with live rigs, with accelerated ones, and with all characters but one played. Each step is measured with
 the evaluation that follows. The shapes of all meshes after the last step are compared.
 """
 
@@ -27,7 +27,7 @@ WAYS = {
     "modifiers": "Blender's modifiers",
     "live": "Sinew, live rigs",
     "accelerated": "rigs accelerated",
-    "frozen": "all but one frozen",
+    "played": "all but one played",
 }
 
 
@@ -161,8 +161,8 @@ def measure(characters, rounds=ROUNDS):
     """Returns {row: {way: median of milliseconds}}, and the largest difference of the shapes."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
-    accelerating, freezing, known = (
-        importlib.import_module(f"{ADDON}.played.{name}") for name in ("accelerating", "freezing", "rigs")
+    accelerating, states, known = (
+        importlib.import_module(f"{ADDON}.played.{name}") for name in ("accelerating", "states", "rigs")
     )
     people = make_shot(characters, ("props",))
     meshes = [ob.name for person in people for ob in person.meshes]
@@ -191,13 +191,13 @@ def measure(characters, rounds=ROUNDS):
         assert bpy.ops.object.sinew_bind() == {"FINISHED"}
         bpy.ops.ed.undo_push(message="Bind")
         worst = max(worst, difference(take("live"), wanted), difference(take("accelerated"), wanted))
-        freezing.thaw(known.known(), bpy.context.scene, bpy.context.view_layer)
+        states.hand_back(known.known(), bpy.context.scene, bpy.context.view_layer)
         known.forget()
         others = [known.learn(bpy.data.objects[name]) for name in rigs[1:]]
         for frame in range(FRAME - 2, FRAME + 3):
             bpy.context.scene.frame_set(frame)
-        freezing.freeze(others, bpy.context.scene, bpy.context.view_layer)
-        worst = max(worst, difference(take("frozen"), wanted))
+        states.take_over(others, bpy.context.scene, bpy.context.view_layer)
+        worst = max(worst, difference(take("played"), wanted))
         known.forget()
         select(*objects())
         assert bpy.ops.object.sinew_unbind() == {"FINISHED"}

@@ -56,7 +56,7 @@ def rigs_accelerated(are):
     scene.sinew_accelerates_rigs = are
     if are:
         accelerating.accelerate(scene, layer)
-    yield bool(known.frozen())
+    yield bool(known.played())
     scene.sinew_accelerates_rigs = False
 
 

@@ -2,7 +2,7 @@
 
     blender -b --python-exit-code 1 --python addon/bench_shot.py -- [--parts] [--moving] [--without WHAT]...
 
-With --frozen it measures something else, see bench_frozen.py. With --moving the armature objects have keyframes.
+With --played it measures something else, see bench_played.py. With --moving the armature objects have keyframes.
 
 Rigify humans, duplicated with their rigs as Shift D does. Each has a body of 30,000 vertices with 20 shape keys driven
 by bones, four garments of 4,000 to 8,000 vertices with their own weights, a Corrective Smooth after the
@@ -269,7 +269,7 @@ def parsed(arguments):
     parser.add_argument("--characters", type=int, default=5)
     parser.add_argument("--without", action="append", choices=LEFT_OUT, default=[], help="may be repeated")
     parser.add_argument("--parts", action="store_true", help="also measure bodies, clothes and smoothed clothes alone")
-    parser.add_argument("--frozen", action="store_true", help="all characters but one frozen, see bench_frozen.py")
+    parser.add_argument("--played", action="store_true", help="all characters but one played, see bench_played.py")
     parser.add_argument("--moving", action="store_true", help="the armature objects have keyframes, too")
     parser.add_argument("--json")
     return parser.parse_args(arguments)
@@ -277,10 +277,10 @@ def parsed(arguments):
 
 def main(arguments):
     options = parsed(arguments)
-    if options.frozen:
-        import bench_frozen
+    if options.played:
+        import bench_played
 
-        bench_frozen.main(options)
+        bench_played.main(options)
         return
     without = f", without {', '.join(options.without)}" if options.without else ""
     without += ", moving" if options.moving else ""

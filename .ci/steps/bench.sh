@@ -3,7 +3,7 @@
 
 # WHAT OPTION: of the benchmarks in Blender, besides --json and --blender.
 has_option() {
-  [[ "$1 $2" =~ ^(playback\ --(rig|stack|vertices|characters)|(bake|crowd)\ --vertices|rigs\ --(rig|folder)|clips\ --(rig|actions)|edits\ --(rig|stack|vertices|shot|characters)|shot\ --(characters|parts|frozen|moving|without))$ ]]
+  [[ "$1 $2" =~ ^(playback\ --(rig|stack|vertices|characters)|(bake|crowd)\ --vertices|rigs\ --(rig|folder)|clips\ --(rig|actions)|edits\ --(rig|stack|vertices|shot|characters)|shot\ --(characters|parts|played|moving|without))$ ]]
 }
 
 bench() {
@@ -17,7 +17,7 @@ bench() {
       --rig | --folder | --stack | --vertices | --characters | --without | --actions)
         has_option "$what" "$1" || { echo "$1 is not for $what" >&2; exit 2; }
         options+=("$1" "${2:?$1 wants a value}") ;;
-      --parts | --frozen | --moving | --shot)
+      --parts | --played | --moving | --shot)
         has_option "$what" "$1" || { echo "$1 is not for $what" >&2; exit 2; }
         options+=("$1")
         shift

@@ -17,12 +17,12 @@ PYTHON_TESTS_OF_SYSTEMS=(tests/python/test_{bake_files,bake_leftovers,bake_syste
   tests/python/test_{hostile_input,instruction_sets,interrupts,rigs_from_blender,skinning,stub,threads,unmade_objects}.py)
 
 # Under the address sanitizer these, which hand over arrays of all kinds: what becomes of them the native tests see there.
-PYTHON_TESTS_OF_MEMORY=(tests/python/test_{boundaries,deformer,faults,files,frozen,host,hostile_input,influences}.py
+PYTHON_TESTS_OF_MEMORY=(tests/python/test_{boundaries,deformer,faults,files,played,host,hostile_input,influences}.py
   tests/python/test_{rig_programs,skeleton,skinning,stages,unmade_objects,weight_tools}.py)
 
 # What a person does in a window. They take five minutes in each program, so that only a release runs all of them in all;
 # otherwise 5.2 runs the first three.
-WINDOW_TESTS=(in_window frozen_in_window in_weight_paint weighted first_ogre few_clicks profiled baked reduced each_method)
+WINDOW_TESTS=(in_window played_in_window in_weight_paint weighted first_ogre few_clicks profiled baked reduced each_method)
 
 # [--blender VERSION|all|release] [pytest arguments for the tests in Blender]; release: also what only a release needs
 run_tests() {

@@ -123,5 +123,5 @@ def nothing_went_wrong(request, caplog):
 
 @pytest.fixture
 def no_program(monkeypatch):
-    """Frozen characters are recorded, as those are that cannot be programs."""
+    """Played characters are recorded, as those are that cannot be programs."""
     monkeypatch.setattr(addon_module("played.computing"), "can_be", lambda _rig: False)

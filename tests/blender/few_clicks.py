@@ -49,7 +49,7 @@ def steps():
     acts += 1
     assert body.sinew.is_bound, "a click on Accelerate has no effect"
     known = addon_module("played.rigs")
-    yield from until(lambda: known.get(rig) is not None and known.get(rig).is_frozen)
+    yield from until(lambda: known.get(rig) is not None and known.get(rig).is_played)
     yield from until(lambda: known.get(rig).source.milliseconds > 0)
     yield from outside(f"xdotool mousemove {screen(*middle_of(region(view)))}")
     yield from picture("few-clicks")

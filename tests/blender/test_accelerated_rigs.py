@@ -1,4 +1,4 @@
-"""The rigs of bound meshes are computed although nobody has frozen them: while the user does nothing they are read, and
+"""The rigs of bound meshes are computed although nobody has played them: while the user does nothing they are read, and
 then look and are edited as if they were live. The second character of the cast stays live."""
 
 import json
@@ -12,9 +12,9 @@ from mathutils import Euler
 
 from characters import make_armature, make_mesh, pose
 from helpers import addon_module, depsgraph, evaluated, into_a_shot, needs_memory, needs_rig_programs, select
-from test_frozen import EDITS, FRAMES, freezing, layer, opened_cast, recorded
-from test_frozen_computed import key, move, state, undo_a_pose
-from test_frozen_who import both, can_render, in_a_collection
+from test_played import EDITS, FRAMES, layer, opened_cast, recorded, states
+from test_played_computed import key, move, state, undo_a_pose
+from test_played_who import both, can_render, in_a_collection
 
 pytestmark = [needs_rig_programs, needs_memory]
 
@@ -47,7 +47,7 @@ def evaluations():
 
 def wait(cast):
     """What the timer does while the user does nothing. Returns how many steps there were."""
-    freezing().freeze_again(cast.scene, layer())
+    states().take_over_again(cast.scene, layer())
     for number in range(200):
         if not accelerating().step(cast.scene, layer(), evaluations()):
             return number
@@ -56,17 +56,17 @@ def wait(cast):
 
 def accelerate(cast):
     wait(cast)
-    assert cast.rig.is_frozen and cast.rig.trial.needs_program, cast.rig.reason
+    assert cast.rig.is_played and cast.rig.trial.needs_program, cast.rig.reason
 
 
 def test_a_mapping_of_frames_between_two_steps_is_seen(cast):
     """After it was read, and before it is compared on other frames."""
-    freezing().freeze_again(cast.scene, layer())
+    states().take_over_again(cast.scene, layer())
     while not (cast.rig.source.is_proven or cast.rig.reason):
         assert accelerating().step(cast.scene, layer(), evaluations())
     cast.scene.render.frame_map_new = 200
     wait(cast)
-    assert not cast.rig.is_frozen and not cast.rig.source.compared
+    assert not cast.rig.is_played and not cast.rig.source.compared
     cast.scene.render.frame_map_new = 100
     for frame in range(1, 10):  # it is not tried again at once
         cast.scene.frame_set(frame)
@@ -82,10 +82,10 @@ def test_a_mapping_of_frames_after_a_pose_is_seen(cast):
         armature.pose.bones["bone2"].location.x += 0.1
     layer().update()
     wait(cast)
-    assert cast.rig.is_idle and not cast.rig.is_frozen and cast.rig.source.program is not None
+    assert cast.rig.is_idle and not cast.rig.is_played and cast.rig.source.program is not None
     cast.scene.render.frame_map_new = 200
     cast.play([8, 9, 4])
-    assert not cast.rig.is_frozen
+    assert not cast.rig.is_played
 
 
 def test_it_needs_no_recording_and_no_memory(cast):
@@ -93,14 +93,14 @@ def test_it_needs_no_recording_and_no_memory(cast):
     cast.play([*FRAMES, 3, -7, 400])
     cast.scene.frame_set(4, subframe=0.5)
     cast.assert_same()
-    assert cast.rig.is_frozen and recorded().used_memory() == 0
+    assert cast.rig.is_played and recorded().used_memory() == 0
     assert not recorded().get(cast.live[0]).is_idle
 
 
 def test_reading_and_comparing_take_one_step_for_each_rig(cast):
     cast.live[0].sinew_accelerates_rig = True
     assert wait(cast) == 4
-    assert all(recorded().get(each[0]).is_frozen for each in both(cast))
+    assert all(recorded().get(each[0]).is_played for each in both(cast))
 
 
 def test_others_are_computed_while_one_is_compared(cast):
@@ -110,8 +110,8 @@ def test_others_are_computed_while_one_is_compared(cast):
     for _ in range(5):
         accelerating().step(cast.scene, layer(), evaluations())
         layer().update()
-        assert cast.rig.is_frozen
-    assert other.is_frozen and other.source.compared
+        assert cast.rig.is_played
+    assert other.is_played and other.source.compared
     cast.play()
 
 
@@ -174,7 +174,7 @@ def test_a_frame_that_cannot_be_computed_is_found_by_the_comparison(cast):
     cast.scene.frame_set(4)
     before = [[*each.location] for each in cast.rig.ob.pose.bones]
     wait(cast)
-    assert not cast.rig.is_frozen and "side" in cast.rig.reason, cast.rig.reason
+    assert not cast.rig.is_played and "side" in cast.rig.reason, cast.rig.reason
     assert [[*each.location] for each in cast.rig.ob.pose.bones] == before
     assert all(curve.driver.is_valid for curve in cast.rig.ob.animation_data.drivers)
     cast.play()
@@ -198,10 +198,10 @@ def test_of_what_else_moves_nothing_is_evaluated_on_other_frames(cast):
     cast.play()
 
 
-def test_a_character_that_is_frozen_is_compared_first(cast):
+def test_a_character_that_is_played_is_compared_first(cast):
     select(cast.rig.ob)
     bpy.ops.object.sinew_record()
-    assert cast.rig.is_frozen and len(cast.rig.source.compared) > 1 and not cast.rig.trial.needs_program
+    assert cast.rig.is_played and len(cast.rig.source.compared) > 1 and not cast.rig.trial.needs_program
     cast.play()
 
 
@@ -220,7 +220,7 @@ def test_all_frames_are_compared_while_nothing_is_done(cast, monkeypatch):
     accelerate(cast)
     compared, names = cast.rig.source.compared, data_names()
     assert len(compared) < 60 and compare_more(cast) > 1
-    assert compared == set(range(1, 61)) and cast.rig.is_frozen and cast.scene.frame_current == 4
+    assert compared == set(range(1, 61)) and cast.rig.is_played and cast.scene.frame_current == 4
     assert data_names() == names
     cast.assert_same()
     cast.play()
@@ -228,7 +228,7 @@ def test_all_frames_are_compared_while_nothing_is_done(cast, monkeypatch):
     turn(cast)
     cast.play([5])
     wait(cast)
-    assert compare_more(cast) > 0 and cast.rig.is_frozen
+    assert compare_more(cast) > 0 and cast.rig.is_played
     cast.play()
 
 
@@ -309,7 +309,7 @@ def test_a_difference_is_seen_on_another_frame(cast, monkeypatch, tmp_path):
     turn(cast)
     cast.play([1])
     wait(cast)
-    assert cast.rig.is_frozen and cast.rig.trust.difference is None, cast.rig.reason
+    assert cast.rig.is_played and cast.rig.trust.difference is None, cast.rig.reason
     with pytest.raises(RuntimeError, match="No difference from Blender was found in Rig"):
         bpy.ops.object.sinew_report_rig(filepath=str(path), armature=cast.rig.ob.name)
     cast.play()
@@ -366,19 +366,19 @@ def test_on_other_systems_the_last_bits_may_differ(cast, monkeypatch, off, count
     can_render(cast.scene)
 
     def assert_as_expected():
-        assert cast.rig.is_frozen == counts, cast.rig.reason
+        assert cast.rig.is_played == counts, cast.rig.reason
         assert "would have" in cast.rig.reason or counts
 
     wait(cast)
     assert_as_expected()
     for frame in (2, 3, 7):
         cast.scene.frame_set(frame)
-        assert np.allclose(evaluated(cast.frozen[1]), evaluated(cast.live[1]), rtol=0, atol=1e-5)
+        assert np.allclose(evaluated(cast.played[1]), evaluated(cast.live[1]), rtol=0, atol=1e-5)
         assert_as_expected()
     bpy.ops.render.render()
     turn(cast)
     cast.scene.frame_set(4)
-    freezing().freeze_again(cast.scene, layer())
+    states().take_over_again(cast.scene, layer())
     assert_as_expected()
 
 
@@ -396,7 +396,7 @@ def test_what_is_read_again_after_an_edit_is_compared_with_the_edit(cast, misrea
         edit()
         assert cast.rig.is_idle and 3 in cast.rig.source.compared, cast.rig.reason
         cast.play([4, 5, 3])
-        assert cast.rig.is_frozen
+        assert cast.rig.is_played
     for time in (1, 2):
         misread(True)
         cast.rig.motion.last = None  # so that all of it is read
@@ -408,12 +408,12 @@ def test_what_is_read_again_after_an_edit_is_compared_with_the_edit(cast, misrea
         turn(cast)
         cast.play([4, 5, 3])
         wait(cast)
-        assert cast.rig.is_frozen == (time == 1), cast.rig.reason
+        assert cast.rig.is_played == (time == 1), cast.rig.reason
     for armature, *_ in both(cast):
         armature.data.bones["bone2"].inherit_scale = "NONE"
     cast.play([4, 5, 3])
     wait(cast)
-    assert cast.rig.is_frozen, "it is computed again when it has other settings"
+    assert cast.rig.is_played, "it is computed again when it has other settings"
     cast.play()
 
 
@@ -456,7 +456,7 @@ def test_the_next_frame_is_computed_ahead_in_step_with_the_playback(cast, comput
         cast.scene.frame_set(half // 2, subframe=half % 2 / 2)
         cast.assert_same()
     assert computed_now == [3, 3.5, 4]
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 @pytest.mark.parametrize("edit", EDITS)
@@ -483,7 +483,7 @@ def test_edits(cast, edit):
 
 def test_it_is_posed_and_read_again_before_the_next_frame(cast):
     accelerate(cast)
-    select(cast.frozen[0])
+    select(cast.played[0])
     for _ in range(2):
         move(cast, 2)
         cast.assert_same()
@@ -493,7 +493,7 @@ def test_it_is_posed_and_read_again_before_the_next_frame(cast):
         assert program is not None
         cast.assert_same()
         cast.play([5, 3])
-        assert cast.rig.is_frozen and cast.rig.source.program is program
+        assert cast.rig.is_played and cast.rig.source.program is program
 
 
 def scale(armature):
@@ -594,7 +594,7 @@ def test_posing_and_keys_do_not_have_a_rig_built_again(cast, monkeypatch, change
     cast.assert_same()
     for _ in range(2):
         cast.play([5, 3, 8])
-    assert cast.rig.is_frozen and bool(built) == builds
+    assert cast.rig.is_played and bool(built) == builds
 
 
 def move_armature(armature):
@@ -622,7 +622,7 @@ def test_what_it_follows_is_edited_without_an_evaluation(cast, change):
 
 @pytest.mark.skipif(bpy.app.version < (4, 4, 0), reason="an action has no slots")
 def test_keys_of_another_slot_are_not_its_own(cast):
-    action = cast.frozen[0].animation_data.action
+    action = cast.played[0].animation_data.action
     bag = action.layers[0].strips[0].channelbag(action.slots.new("OBJECT", "Other"), ensure=True)
     curve = bag.fcurves.new('pose.bones["bone1"].rotation_quaternion', index=1)
     curve.keyframe_points.insert(1, 2)
@@ -664,7 +664,7 @@ def test_undo(cast):
     undo_a_pose(cast)
     wait(cast)
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 def add_object(_cast):
@@ -693,18 +693,18 @@ def test_when_blender_has_built_relations_it_is_computed_as_before(cast, monkeyp
     change(cast)
     layer().update()
     cast.play([4])
-    freezing().freeze_again(cast.scene, layer(), is_playing)
+    states().take_over_again(cast.scene, layer(), is_playing)
     if not is_read:
-        assert cast.rig.is_frozen and not reads and cast.rig.source.compared >= before, cast.rig.reason
+        assert cast.rig.is_played and not reads and cast.rig.source.compared >= before, cast.rig.reason
     cast.play([5, 6])
     wait(cast)
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
     cast.play()
 
 
 def test_keys_of_an_action_that_a_live_armature_plays_too(cast):
     """Blender copies it again, but not before the evaluation in which the edit shows."""
-    other, data = make_armature(), cast.frozen[0].animation_data
+    other, data = make_armature(), cast.played[0].animation_data
     other.animation_data_create().action = data.action
     if hasattr(data, "action_slot"):
         other.animation_data.action_slot = data.action_slot
@@ -740,22 +740,22 @@ def test_bones_that_blender_leaves_as_they_were_are_not_compared(cast, caplog, i
     reader = bpy.data.objects.new("Reader", None)
     cast.scene.collection.objects.link(reader)
     variable = reader.driver_add("location", 0).driver.variables.new()
-    variable.targets[0].id, variable.targets[0].data_path = cast.frozen[0], 'pose.bones["bone0"].location[0]'
+    variable.targets[0].id, variable.targets[0].data_path = cast.played[0], 'pose.bones["bone0"].location[0]'
     if is_accelerated:
         accelerate(cast)
-        freezing().melt_all()
-    for ob in cast.frozen:
+        states().melt_all()
+    for ob in cast.played:
         ob.hide_viewport = True
     for frame in (3, 5, 8):
         cast.scene.frame_set(frame)
         wait(cast)
-        freezing().freeze([cast.rig], cast.scene, layer())
+        states().take_over([cast.rig], cast.scene, layer())
         assert caplog.records == [] and not cast.rig.trust.is_distrusted
-    for ob in cast.frozen:
+    for ob in cast.played:
         ob.hide_viewport = False
     cast.play([2, 6])
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert cast.rig.is_frozen, cast.rig.reason
+    states().take_over([cast.rig], cast.scene, layer())
+    assert cast.rig.is_played, cast.rig.reason
     cast.play()
 
 
@@ -763,12 +763,12 @@ def test_bones_that_blender_leaves_as_they_were_are_not_compared(cast, caplog, i
 def test_rounding_is_no_edit(cast, caplog, by):
     """Auto-keying inserts no key where a drag has moved a channel so little, and Blender 5.2 rounds the quaternion that
     it keys, and shows the one that was set until the frame is changed."""
-    bone = cast.frozen[0].pose.bones["bone1"]
+    bone = cast.played[0].pose.bones["bone1"]
     keyed, bone.location.x = bone.location.x, by(bone.location.x)
     assert bone.location.x != keyed
     layer().update()
     wait(cast)
-    assert cast.rig.is_frozen and cast.rig.trust.difference is None and caplog.records == []
+    assert cast.rig.is_played and cast.rig.trust.difference is None and caplog.records == []
     assert bone.location.x == keyed
     cast.play()
 
@@ -788,18 +788,18 @@ def test_nothing_is_looked_at_during_a_drag(cast, monkeypatch, name, is_drag):
     )
     monkeypatch.setattr(handlers, "bpy", SimpleNamespace(context=context))
     monkeypatch.setattr(handlers, "_tried", (-1, False))
-    monkeypatch.setattr(freezing(), "freeze_again", lambda *_: looked.append(1))
-    handlers.freeze_again()
+    monkeypatch.setattr(states(), "take_over_again", lambda *_: looked.append(1))
+    handlers.take_over_again()
     assert bool(looked) != is_drag
     window.modal_operators = []
-    handlers.freeze_again()
+    handlers.take_over_again()
     assert looked == [1]
 
 
 def test_a_pose_that_is_not_keyed_keeps_it_live(cast):
     move(cast, 2)
     wait(cast)
-    assert not cast.rig.is_frozen and 'not keyed (bone "bone1")' in cast.rig.reason
+    assert not cast.rig.is_played and 'not keyed (bone "bone1")' in cast.rig.reason
     cast.assert_same()
     cast.scene.frame_set(2)
     accelerate(cast)
@@ -808,7 +808,7 @@ def test_a_pose_that_is_not_keyed_keeps_it_live(cast):
 
 def test_one_that_cannot_be_computed_stays_live_and_is_read_ever_less_often(cast, monkeypatch):
     for armature, *_ in both(cast):
-        armature.pose.bones["side"].constraints.new("SHRINKWRAP").target = cast.frozen[3]
+        armature.pose.bones["side"].constraints.new("SHRINKWRAP").target = cast.played[3]
     layer().update()
     reads, read = [], addon_module("played.computing")._read
     monkeypatch.setattr(addon_module("played.computing"), "_read", lambda *each: reads.append(1) or read(*each))
@@ -833,18 +833,18 @@ def test_small_rigs_are_left_alone(cast, monkeypatch):
 
 def test_what_somebody_has_left_to_blender_stays_live(cast):
     accelerate(cast)
-    select(cast.frozen[0])
+    select(cast.played[0])
     assert bpy.ops.object.sinew_leave_to_blender() == {"FINISHED"}
     wait(cast)
     assert not cast.rig.is_idle
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
-    assert cast.rig.is_frozen and not cast.rig.trial.needs_program
+    assert cast.rig.is_played and not cast.rig.trial.needs_program
     cast.play()
 
 
 def test_of_a_native_rig_nothing_is_recorded(cast):
     accelerate(cast)
-    select(cast.frozen[0])
+    select(cast.played[0])
     played = cast.scene.frame_current
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
     assert cast.rig.source.is_proven and cast.scene.frame_current == played and len(cast.rig.motion.record) == 0
@@ -853,7 +853,7 @@ def test_of_a_native_rig_nothing_is_recorded(cast):
 
 def test_onion_skins(cast):
     accelerate(cast)
-    select(cast.frozen[0])
+    select(cast.played[0])
     bpy.ops.object.sinew_onion_skins()
     cast.play()
     assert len(cast.rig.motion.record) == 0 and not cast.rig.motion.skins.lacks(4, cast.rig.source.program)
@@ -886,18 +886,18 @@ class Buttons:
 
 def buttons(cast):
     layout = Buttons()
-    addon_module("ui.rig_cures").draw_rig(layout, bpy.context, cast.frozen[0])
+    addon_module("ui.rig_cures").draw_rig(layout, bpy.context, cast.played[0])
     return set(layout.found)
 
 
 def test_the_bone_that_keeps_a_rig_from_being_native_can_be_selected(cast):
-    armature = cast.frozen[0]
-    armature.pose.bones["bone2"].constraints.new("SHRINKWRAP").target = cast.frozen[3]
+    armature = cast.played[0]
+    armature.pose.bones["bone2"].constraints.new("SHRINKWRAP").target = cast.played[3]
     layer().update()
     wait(cast)
     assert 'bone "bone2"' in cast.rig.reason, cast.rig.reason
     assert buttons(cast) == {"object.sinew_select_bone", "object.sinew_record"}
-    select(cast.frozen[1])
+    select(cast.played[1])
     assert bpy.ops.object.sinew_select_bone(armature=armature.name_full) == {"FINISHED"}
     assert bpy.context.mode == "POSE" and bpy.context.active_object == armature
     assert addon_module("blender.selection").selected_bones(armature) == ["bone2"]
@@ -935,7 +935,7 @@ def test_one_that_has_differed_twice_can_be_tried_again(cast, misread):
         cast.play([4, 5, 3])
         wait(cast)
     assert cast.rig.trust.is_distrusted and "object.sinew_accelerate_again" in buttons(cast)
-    assert bpy.ops.object.sinew_accelerate_again(armature=cast.frozen[0].name_full) == {"FINISHED"}
+    assert bpy.ops.object.sinew_accelerate_again(armature=cast.played[0].name_full) == {"FINISHED"}
     assert "object.sinew_accelerate_again" not in buttons(cast)
     accelerate(cast)
     cast.play()
@@ -943,23 +943,23 @@ def test_one_that_has_differed_twice_can_be_tried_again(cast, misread):
 
 def test_what_the_panel_says(cast):
     text_of = addon_module("ui.rig_cures").text_of
-    assert text_of(cast.frozen[0]) == ("", "")
+    assert text_of(cast.played[0]) == ("", "")
     move(cast, 2)
     wait(cast)
-    text, reason = text_of(cast.frozen[0])
+    text, reason = text_of(cast.played[0])
     assert text == "Rig: Blender's" and "not keyed" in reason
     cast.scene.frame_set(2)
     accelerate(cast)
     cast.scene.frame_set(3)
     said = r"Rig: native(, \d+\.\d times faster)?\n\d+\.\d\d ms \(Blender \d+\.\d\d\)"
-    assert re.fullmatch(said, text_of(cast.frozen[0])[0])
+    assert re.fullmatch(said, text_of(cast.played[0])[0])
     cast.rig.source.milliseconds, cast.rig.source.blender_milliseconds = 0.164, 0.41
-    assert text_of(cast.frozen[0])[0] == "Rig: native, 2.5 times faster\n0.16 ms (Blender 0.41)"
+    assert text_of(cast.played[0])[0] == "Rig: native, 2.5 times faster\n0.16 ms (Blender 0.41)"
     cast.rig.source.milliseconds = 0.5
-    assert text_of(cast.frozen[0])[0] == "Rig: native\n0.50 ms (Blender 0.41)"
-    select(cast.frozen[0])
+    assert text_of(cast.played[0])[0] == "Rig: native\n0.50 ms (Blender 0.41)"
+    select(cast.played[0])
     bpy.ops.object.sinew_leave_to_blender()
-    assert text_of(cast.frozen[0]) == ("Rig: Blender's", "")
+    assert text_of(cast.played[0]) == ("Rig: Blender's", "")
 
 
 def test_the_panel_says_medians_over_the_same_frames(cast, monkeypatch):
@@ -972,7 +972,7 @@ def test_the_panel_says_medians_over_the_same_frames(cast, monkeypatch):
     monkeypatch.setattr(comparing, "median", median)
     accelerate(cast)
     assert counts[0] > 1 and counts[0] == counts[1]
-    text = addon_module("ui.rig_cures").text_of(cast.frozen[0])[0]
+    text = addon_module("ui.rig_cures").text_of(cast.played[0])[0]
     assert text == "Rig: native, 2.0 times faster\n1.00 ms (Blender 2.00)"
 
 
@@ -988,15 +988,15 @@ def test_measuring_compares_it_with_blender(cast):
     whole_frames = addon_module("main.whole_frames")
 
     def look(*_):
-        states.append(cast.rig.is_frozen)
+        states.append(cast.rig.is_played)
 
     bpy.app.handlers.frame_change_pre.append(look)
     try:
-        measured = whole_frames.measure(cast.scene, Progress(), lambda: freezing().all_live(cast.scene, layer()))
+        measured = whole_frames.measure(cast.scene, Progress(), lambda: states().all_live(cast.scene, layer()))
     finally:
         bpy.app.handlers.frame_change_pre.remove(look)
     assert measured.sinew > 0 and 20 < sum(states) < len(states) - 20
-    assert cast.rig.is_frozen and cast.rig.trial.needs_program
+    assert cast.rig.is_played and cast.rig.trial.needs_program
     cast.play()
 
 
@@ -1017,7 +1017,7 @@ def test_the_profile_is_that_of_rigs_that_blender_evaluates(cast):
     states = []
 
     def look(*_):
-        states.append(cast.rig.is_frozen)
+        states.append(cast.rig.is_played)
 
     bpy.app.handlers.frame_change_pre.append(look)
     try:
@@ -1025,36 +1025,36 @@ def test_the_profile_is_that_of_rigs_that_blender_evaluates(cast):
     finally:
         bpy.app.handlers.frame_change_pre.remove(look)
     assert profile.objects and len(states) > 20 and sum(states) <= 2  # before and after
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     cast.play()
 
 
 def test_each_rig_has_a_switch(cast):
     accelerate(cast)
-    cast.frozen[0].sinew_accelerates_rig = False
+    cast.played[0].sinew_accelerates_rig = False
     assert not cast.rig.is_wanted and not cast.rig.is_idle
     wait(cast)
     cast.play()
     assert not cast.rig.is_idle
-    assert addon_module("ui.rig_cures").text_of(cast.frozen[0]) == ("Rig: Blender's", "")
-    cast.frozen[0].sinew_accelerates_rig = True
+    assert addon_module("ui.rig_cures").text_of(cast.played[0]) == ("Rig: Blender's", "")
+    cast.played[0].sinew_accelerates_rig = True
     accelerate(cast)
     cast.play()
 
 
 def test_what_is_undone_of_a_switch_is_done(cast):
-    cast.frozen[0].sinew_accelerates_rig = False
+    cast.played[0].sinew_accelerates_rig = False
     bpy.ops.ed.undo_push(message="off")
-    cast.frozen[0].sinew_accelerates_rig = True
+    cast.played[0].sinew_accelerates_rig = True
     bpy.ops.ed.undo_push(message="on")
     wait(cast)
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     for step, is_native in ((bpy.ops.ed.undo, False), (bpy.ops.ed.redo, True)):
-        name = cast.frozen[0].name
+        name = cast.played[0].name
         step()
-        cast.scene, cast.frozen = bpy.context.scene, [bpy.data.objects[name]]
+        cast.scene, cast.played = bpy.context.scene, [bpy.data.objects[name]]
         wait(cast)
-        assert cast.rig.is_frozen == is_native
+        assert cast.rig.is_played == is_native
 
 
 def test_the_switch_is_that_of_one_scene(cast):
@@ -1068,8 +1068,8 @@ def test_the_switch_is_that_of_one_scene(cast):
     other.sinew_accelerates_rigs = True
     bpy.context.window.scene = cast.scene
     layer().update()
-    freezing().freeze_again(cast.scene, layer())
-    assert cast.rig.is_frozen
+    states().take_over_again(cast.scene, layer())
+    assert cast.rig.is_played
     cast.play()
 
 
@@ -1137,7 +1137,7 @@ def test_undo_of_a_key_and_of_a_pose_with_pauses(cast):
         cast.assert_same()
     cast.play([*FRAMES, 8])
     wait(cast)
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
 
 
 def turn(cast):
@@ -1156,8 +1156,8 @@ def test_a_bake_accelerates_rigs(cast):
             for frame in (3, 4.5, 7):
                 cast.scene.frame_set(int(frame), subframe=frame % 1)
                 cast.assert_same()
-                states.append(cast.rig.is_frozen)
-                found.setdefault(way, []).append(evaluation.read(cast.frozen[1], depsgraph())[0])
+                states.append(cast.rig.is_played)
+                found.setdefault(way, []).append(evaluation.read(cast.played[1], depsgraph())[0])
     assert states == [False] * 3 + [True] * 3
     assert np.array_equal(found[False], found[True])
 
@@ -1167,22 +1167,22 @@ def test_scripts_in_the_background(cast):
     addon_module("played.frame_handlers")._frames = 0
     few, more = range(1, 11), [*range(1, 11)] * 4
     cast.play(few)
-    assert not cast.rig.is_frozen
+    assert not cast.rig.is_played
     cast.play(more)
-    assert cast.rig.is_frozen and cast.rig.trial.needs_program, cast.rig.reason
+    assert cast.rig.is_played and cast.rig.trial.needs_program, cast.rig.reason
     turn(cast)
     cast.play(more)
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     constraint = [each[0].pose.bones["side"].constraints.new("SHRINKWRAP") for each in both(cast)]
     for each in constraint:
-        each.target = cast.frozen[3]
+        each.target = cast.played[3]
     cast.play(more)
-    assert not cast.rig.is_frozen and "Shrinkwrap" in cast.rig.reason
+    assert not cast.rig.is_played and "Shrinkwrap" in cast.rig.reason
     cast.scene.sinew_accelerates_rigs = False
     for each, (armature, *_) in zip(constraint, both(cast)):
         armature.pose.bones["side"].constraints.remove(each)
     cast.play(more)
-    assert not cast.rig.is_frozen
+    assert not cast.rig.is_played
 
 
 @pytest.fixture
@@ -1227,7 +1227,7 @@ def test_a_script_that_edits_on_each_frame_has_it_read_a_few_times(cast, reading
     assert len(readings) <= 4 and not cast.rig.is_idle and "is edited on each frame" in cast.rig.reason
     layer().update()
     cast.play([*range(1, 11)] * 5)
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
 
 
 def test_a_script_that_has_edited_before_is_not_read_in_the_background(cast, readings):
@@ -1289,15 +1289,15 @@ def test_handlers_of_others_see_every_update_in_the_background(cast):
     seen = []
 
     def look(_scene, graph):
-        seen.append((cast.rig.is_frozen, {update.id.name for update in graph.updates}))
+        seen.append((cast.rig.is_played, {update.id.name for update in graph.updates}))
 
     bpy.app.handlers.frame_change_post.append(look)
     try:
         cast.play([*range(1, 11)] * 3)
     finally:
         bpy.app.handlers.frame_change_post.remove(look)
-    assert cast.rig.is_frozen and {is_frozen for is_frozen, _names in seen} == {False, True}
-    assert all({each.name for each in (*cast.frozen[1:], *cast.live)} <= names for _is_frozen, names in seen)
+    assert cast.rig.is_played and {is_played for is_played, _names in seen} == {False, True}
+    assert all({each.name for each in (*cast.played[1:], *cast.live)} <= names for _is_played, names in seen)
 
 
 @pytest.mark.parametrize("is_assigned", (False, True), ids=("frame_set", "frame_current"))
@@ -1323,7 +1323,7 @@ def test_handlers_of_others_see_the_last_frame_before_the_next(cast, is_assigned
             cast.assert_same()
     finally:
         listed.remove(look)
-    assert cast.rig.is_frozen and len(seen) >= 6
+    assert cast.rig.is_played and len(seen) >= 6
     assert seen[::2] == seen[1::2] and seen[0] != seen[2]
 
 
@@ -1331,24 +1331,24 @@ def test_a_later_bake_tries_again_what_was_edited_since(cast):
     undisturbed = addon_module("bake.evaluation").undisturbed
     constraints = [each[0].pose.bones["side"].constraints.new("SHRINKWRAP") for each in both(cast)]
     for constraint in constraints:
-        constraint.target = cast.frozen[3]
+        constraint.target = cast.played[3]
     layer().update()
     with undisturbed(bpy.context):
-        assert not cast.rig.is_frozen
+        assert not cast.rig.is_played
     for constraint, (armature, *_) in zip(constraints, both(cast)):
         armature.pose.bones["side"].constraints.remove(constraint)
     layer().update()
     with undisturbed(bpy.context):
-        assert cast.rig.is_frozen, cast.rig.reason
+        assert cast.rig.is_played, cast.rig.reason
         cast.play()
 
 
 def test_measuring_that_fails_leaves_it_computed(cast):
     accelerate(cast)
-    with pytest.raises(KeyError), freezing().all_live(cast.scene, layer()):
-        assert not cast.rig.is_frozen
+    with pytest.raises(KeyError), states().all_live(cast.scene, layer()):
+        assert not cast.rig.is_played
         raise KeyError
-    assert cast.rig.is_frozen and cast.rig.trial.needs_program
+    assert cast.rig.is_played and cast.rig.trial.needs_program
 
 
 @pytest.mark.says_errors
@@ -1358,12 +1358,12 @@ def test_renders_compare_it_with_blender(cast):
     cast.rig.source.compared.clear()
     cast.scene.frame_set(3)
     bpy.ops.render.render()
-    assert cast.rig.is_frozen and cast.rig.source.compared == {3}
+    assert cast.rig.is_played and cast.rig.source.compared == {3}
     cast.play([3, 4])
 
     def disturb(_scene, graph):
         if graph.mode == "RENDER":
-            cast.frozen[0].evaluated_get(graph).pose.bones["bone1"].location.x += 1
+            cast.played[0].evaluated_get(graph).pose.bones["bone1"].location.x += 1
 
     bpy.app.handlers.frame_change_post.insert(0, disturb)
     try:
@@ -1375,7 +1375,7 @@ def test_renders_compare_it_with_blender(cast):
             assert cast.rig.trust.difference is not None and cast.rig.trust.is_distrusted == (time == 2)
             cast.play()
             wait(cast)
-            assert cast.rig.is_frozen == (time == 1)
+            assert cast.rig.is_played == (time == 1)
     finally:
         bpy.app.handlers.frame_change_post.remove(disturb)
 
@@ -1388,7 +1388,7 @@ def test_linked_characters_and_overrides(cast, tmp_path, is_override):
     def find():
         objects = {ob.name: ob for ob in bpy.data.objects if bool(ob.override_library) == is_override}
         cast.scene = bpy.context.scene
-        cast.frozen, cast.live = ([objects[name] for name in each] for each in names)
+        cast.played, cast.live = ([objects[name] for name in each] for each in names)
         keep_live(cast)
 
     into_a_shot(tmp_path, is_override)
@@ -1410,7 +1410,7 @@ def test_linked_characters_and_overrides(cast, tmp_path, is_override):
     layer().update()
     cast.assert_same()
     wait(cast)
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
     cast.play()
 
 
@@ -1428,7 +1428,7 @@ def test_what_blender_has_yet_to_evaluate_is_no_difference(cast, is_known):
             bone.location.x += moved
             bone.keyframe_insert("location")
         if is_known:
-            freezing().freeze_again(cast.scene, layer())
+            states().take_over_again(cast.scene, layer())
         else:
             accelerating().step(cast.scene, layer(), evaluations())
         assert cast.rig.trust.difference is None and not cast.rig.trust.has_differed
@@ -1444,7 +1444,7 @@ def test_an_override_on_another_frame_than_its_library(cast, tmp_path):
     cast.scene = bpy.context.scene
     cast.scene.frame_start, cast.scene.frame_end = 1, 10
     objects = {ob.name: ob for ob in bpy.data.objects if ob.override_library}
-    cast.frozen, cast.live = ([objects[name] for name in each] for each in names)
+    cast.played, cast.live = ([objects[name] for name in each] for each in names)
     keep_live(cast)
     cast.scene.frame_set(2)
     accelerate(cast)
@@ -1507,9 +1507,9 @@ def test_it_is_native_again_at_once_after_relations_were_built(cast):
     accelerate(cast)
     cast.scene.collection.objects.link(bpy.data.objects.new("Other", None))
     layer().update()
-    assert not cast.rig.is_frozen
-    freezing().freeze_again(cast.scene, layer())
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert not cast.rig.is_played
+    states().take_over_again(cast.scene, layer())
+    assert cast.rig.is_played, cast.rig.reason
     cast.play()
 
 
@@ -1541,9 +1541,9 @@ def test_a_new_scene_does_not_have_relations_built_again(cast, monkeypatch, kind
     cast.play()
 
 
-def test_a_thaw_does_not_have_relations_built_again_that_were_just_built(cast, monkeypatch):
-    """As after a scene was shown again, with all keyframes: the actions of the very rigs that are thawed tell. Blender
-    4.3 crashed when random steps removed a scene."""
+def test_a_hand_back_does_not_have_relations_built_again_that_were_just_built(cast, monkeypatch):
+    """As after a scene was shown again, with all keyframes: the actions of the very rigs that are handed back tell.
+    Blender 4.3 crashed when random steps removed a scene."""
     accelerate(cast)
     evaluations, relations, asked = addon_module("host.evaluations"), addon_module("host.relations"), []
 
@@ -1554,8 +1554,8 @@ def test_a_thaw_does_not_have_relations_built_again_that_were_just_built(cast, m
     with monkeypatch.context() as patch:
         patch.setattr(evaluations, "are_new", are_new)
         patch.setattr(relations, "tag", lambda: pytest.fail("relations are built again"))
-        freezing().melt(layer().depsgraph, {})
-    assert asked == [cast.frozen[0].animation_data.action]
+        states().melt(layer().depsgraph, {})
+    assert asked == [cast.played[0].animation_data.action]
     relations.tag()
     cast.play()
     wait(cast)

@@ -7,8 +7,8 @@ import pytest
 
 from helpers import depsgraph, evaluated, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, accelerating, keep_live, wait
-from test_frozen import Cast, freezing, layer
-from test_frozen_who import both
+from test_played import Cast, layer, states
+from test_played_who import both
 from test_same_pass import make_grid
 from zoo import curves_of
 
@@ -123,7 +123,7 @@ def test_it_is_simulated_as_on_a_live_character(cast):
     cast.play(range(1, 8))
     ours = cast.looks[0]()
     cast.play(range(8, LAST + 1))
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     assert not np.array_equal(cast.looks[0](), ours)
     cast.play([3, 4, 20, 1, 2])
 
@@ -169,7 +169,7 @@ def test_an_edit_does_not_begin_it_anew(cast, edit, is_updated):
     accelerate(cast)
     cast.assert_same()
     cast.play(range(9, LAST + 1))
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 def switched_off(ob):
@@ -194,7 +194,7 @@ def fluid(ob):
 def test_what_would_be_simulated_otherwise_keeps_the_rig_live(fresh_scene, simulate, number, reason):
     cast = Simulated(fresh_scene, simulate, number)
     wait(cast)
-    assert not cast.rig.is_frozen and reason in cast.rig.reason
+    assert not cast.rig.is_played and reason in cast.rig.reason
 
 
 def test_cloth_elsewhere_does_not_begin_anew(fresh_scene):
@@ -206,6 +206,6 @@ def test_cloth_elsewhere_does_not_begin_anew(fresh_scene):
     cast.play(range(1, 5))
     accelerate(cast)
     cast.play(range(5, 9))
-    freezing().melt_all()
+    states().melt_all()
     cast.play(range(9, 12))
     assert np.array_equal(*(look() for look in looks))

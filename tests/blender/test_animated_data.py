@@ -40,7 +40,7 @@ from helpers import (
     twin_of,
     way,
 )
-from test_frozen import freezing, recorded
+from test_played import recorded, states
 
 FRAMES = range(1, 11)
 FEW = 4  # of them are enough for what makes no difference
@@ -206,21 +206,21 @@ def animated(pair, path, rna, values, animate):
 
 @dataclasses.dataclass
 class Played:
-    """Paths that were animated and played, each in two of the lists; how many were to be frozen, and were."""
+    """Paths that were animated and played, each in two of the lists; how many were to be played, and were."""
 
     followed: list = dataclasses.field(default_factory=list)
     left: list = dataclasses.field(default_factory=list)
     moving: list = dataclasses.field(default_factory=list)
     wrong: list = dataclasses.field(default_factory=list)
     turns: int = 0
-    frozen: int = 0
+    played: int = 0
 
     def tried(self):
         return len(self.followed) + len(self.left)
 
 
 def play_all(scene, ob, pair, paths, animate, check, rig, every=1):
-    """Animates each of these (path, property) of two data-blocks, alone, and plays. Each is played frozen too by one of
+    """Animates each of these (path, property) of two data-blocks, alone, and plays. Each is played played too by one of
     ANIMATE, and by strips only then. ob: the bound mesh; check: fails if it is not like its twin, and returns the
     shape; every: by keyframes and drivers, only one of so many. Returns Played."""
     still, played, turn = {}, Played(), ANIMATE.index(animate)
@@ -252,17 +252,17 @@ def play_all(scene, ob, pair, paths, animate, check, rig, every=1):
             error, is_moving = error_of_frames()
             (played.followed if is_deforming(ob) else played.left).append(path)
             if is_turn and not error:
-                freezing().freeze([rig], scene, bpy.context.view_layer)
-                played.turns, played.frozen = played.turns + 1, played.frozen + rig.is_frozen
+                states().take_over([rig], scene, bpy.context.view_layer)
+                played.turns, played.played = played.turns + 1, played.played + rig.is_played
                 error = error_of_frames()[0]
                 print("R", path, rig.reason)
-                freezing().thaw([rig], scene, bpy.context.view_layer)
+                states().hand_back([rig], scene, bpy.context.view_layer)
                 rig.motion.restless = rig.motion.to_skip = 0
             played.moving += [path] if is_moving else []
             played.wrong += [(path, error)] if error else []
         bpy.context.view_layer.update()
-    print(f"\n{animate.__name__}: {len(played.moving)} of {played.tried()} make a difference; frozen", end=" ")
-    print(f"{played.frozen} of {played.turns}; left to Blender: {played.left}")
+    print(f"\n{animate.__name__}: {len(played.moving)} of {played.tried()} make a difference; played", end=" ")
+    print(f"{played.played} of {played.turns}; left to Blender: {played.left}")
     assert not played.wrong, played.wrong
     return played
 
@@ -410,9 +410,9 @@ def test_what_animation_sets_is_followed_or_left_to_blender(fresh_scene, kind, o
     share = len(ANIMATE) if animate is strip else 1
     assert played.tried() >= least // share and len(played.moving) >= moving // share
     if of == "armature":
-        assert played.frozen == 0  # bones whose rest settings are animated are never frozen
+        assert played.played == 0  # bones whose rest settings are animated are never played
     else:
-        assert played.frozen > (0.3 if of == "rig" else 0.7) * played.turns  # a rig only if its bones are animated
+        assert played.played > (0.3 if of == "rig" else 0.7) * played.turns  # a rig only if its bones are animated
 
 
 # --- modifiers ----------------------------------------------------------------------------------------
@@ -461,7 +461,7 @@ def test_every_setting_of_a_modifier_is_followed_or_left_to_blender(fresh_scene,
         paths += [each for each in found if not NOT_HERE.match(each[0])]
     rig = recorded().learn(ob.modifiers["Armature"].object)
     played = play_all(fresh_scene, ob, (ob, twin), paths, animate, check, rig, every=2 if keys else 1)
-    assert played.tried() > {key: 70, drive: 70, strip: 20}[animate] / (1 + keys) and played.frozen > 0.7 * played.turns
+    assert played.tried() > {key: 70, drive: 70, strip: 20}[animate] / (1 + keys) and played.played > 0.7 * played.turns
     assert len(played.moving) > {key: 18, drive: 18, strip: 4}[animate] / (1 + keys)
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from helpers import addon_module, needs_memory, needs_rig_programs
 from test_accelerated_rigs import accelerate, cast_of_small_rigs, wait
-from test_frozen import freezing, layer
-from test_frozen_who import both
+from test_played import layer, states
+from test_played_who import both
 
 pytestmark = [needs_rig_programs, needs_memory]
 
@@ -93,10 +93,10 @@ def test_it_sets_nothing_and_nobody_suffers(cast, caplog, kind):
     with caplog.at_level(logging.WARNING):
         accelerate(cast)
         cast.play()
-        freezing().freeze_again(cast.scene, layer())
+        states().take_over_again(cast.scene, layer())
         wait(cast)
         cast.play([3, 8])
-    assert cast.rig.is_frozen and len(cast.rig.source.compared) > 1
+    assert cast.rig.is_played and len(cast.rig.source.compared) > 1
     assert not caplog.records, [each.getMessage() for each in caplog.records]
 
 
@@ -106,6 +106,6 @@ def test_a_rig_that_has_one_is_recorded_if_it_is_not_computed(cast, caplog, monk
     for armature, *_ in both(cast):
         kind(armature)
     with caplog.at_level(logging.WARNING):
-        cast.freeze()
+        cast.take_over()
         cast.play()
-    assert cast.rig.is_frozen and not caplog.records
+    assert cast.rig.is_played and not caplog.records

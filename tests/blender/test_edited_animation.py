@@ -8,8 +8,8 @@ import pytest
 
 from helpers import addon_module, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, keep_live, wait
-from test_frozen import Cast, layer
-from test_frozen_who import both
+from test_played import Cast, layer
+from test_played_who import both
 
 pytestmark = [needs_rig_programs, needs_memory]
 NOW, OTHER = 3, 8
@@ -519,7 +519,7 @@ def edit_both(cast, edit):
 
 def assert_like_blender(cast, edit, then):
     played = Played(cast)
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     edit_both(cast, edit)
     then(played)
     played.frame(2)

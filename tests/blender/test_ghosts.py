@@ -9,8 +9,8 @@ import pytest
 from characters import add_shape_keys, smoothed
 from helpers import addon_module, evaluated, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerating, keep_live, wait
-from test_frozen import EDITS, FRAMES, freezing, layer, opened_cast, recorded
-from test_frozen_who import both
+from test_played import EDITS, FRAMES, layer, opened_cast, recorded, states
+from test_played_who import both
 
 
 @pytest.fixture
@@ -39,8 +39,8 @@ def drawings():
 
 
 def toggle(cast):
-    """Presses the button, and has what is frozen freeze again."""
-    select(cast.frozen[0])
+    """Presses the button, and has what is played take over again."""
+    select(cast.played[0])
     assert bpy.ops.object.sinew_onion_skins() == {"FINISHED"}
     select()
     layer().update()
@@ -73,7 +73,7 @@ def shown(cast, ob):
 
 def assert_ghosts(cast, frames):
     """On exactly these frames, for both meshes, and as the live twin."""
-    found = [shown(cast, ob) for ob in cast.frozen[1:3]]
+    found = [shown(cast, ob) for ob in cast.played[1:3]]
     assert [sorted(each) for each in found] == [sorted(frames)] * 2
     wanted = live_shapes(cast, frames)
     for frame in frames:
@@ -82,13 +82,13 @@ def assert_ghosts(cast, frames):
 
 
 @needs_memory
-@pytest.mark.parametrize("is_frozen", [False, True])
-def test_ghosts_are_the_shapes_of_their_frames(cast, settings, is_frozen):
+@pytest.mark.parametrize("is_played", [False, True])
+def test_ghosts_are_the_shapes_of_their_frames(cast, settings, is_played):
     settings.before, settings.after, settings.step = 2, 3, 1
     toggle(cast)
     cast.record()
-    if is_frozen:
-        cast.freeze()
+    if is_played:
+        cast.take_over()
         fill_native(cast, range(1, 11))
     cast.scene.frame_set(5)
     assert_ghosts(cast, [3, 4, 6, 7, 8])
@@ -98,7 +98,7 @@ def test_ghosts_are_the_shapes_of_their_frames(cast, settings, is_frozen):
     assert_ghosts(cast, [7, 9])
     cast.scene.frame_set(9)
     assert_ghosts(cast, [])
-    assert cast.rig.is_frozen == is_frozen
+    assert cast.rig.is_played == is_played
 
 
 @pytest.fixture
@@ -119,7 +119,7 @@ def fill_native(cast, frames):
     is_any = False
     while ghosts().fill(cast.scene, frames):
         is_any = True
-        freezing().keep_frozen(cast.scene, layer())
+        states().keep_played(cast.scene, layer())
     return is_any
 
 
@@ -132,7 +132,7 @@ def test_ghosts_of_a_computed_rig_need_no_playing(computed, settings, is_acceler
     if is_accelerated_first:
         wait(computed)
     toggle(computed)
-    assert fill(computed, [2, 3, 5, 6, 7]) and computed.rig.is_frozen
+    assert fill(computed, [2, 3, 5, 6, 7]) and computed.rig.is_played
     computed.assert_same()
     assert not fill(computed, [2, 3, 5, 6, 7])
     assert_drawn_as_live(computed, [2, 3, 5, 6, 7])
@@ -144,7 +144,7 @@ def test_ghosts_of_a_computed_rig_need_no_playing(computed, settings, is_acceler
     assert fill(computed, [2, 3, 5, 6, 7])
     assert_drawn_as_live(computed, [2, 3, 5, 6, 7])
     computed.play()
-    assert computed.rig.is_frozen
+    assert computed.rig.is_played
 
 
 def assert_drawn_as_live(cast, frames):
@@ -161,15 +161,15 @@ def assert_drawn_as_live(cast, frames):
 @needs_memory
 @needs_rig_programs
 def test_what_is_simulated_or_not_keyed_is_not_evaluated_on_other_frames(computed, settings):
-    flag = bpy.data.objects.new("Flag", computed.frozen[2].data.copy())
+    flag = bpy.data.objects.new("Flag", computed.played[2].data.copy())
     computed.scene.collection.objects.link(flag)
-    flag.parent, cloth = computed.frozen[0], flag.modifiers.new("Cloth", "CLOTH")
+    flag.parent, cloth = computed.played[0], flag.modifiers.new("Cloth", "CLOTH")
     toggle(computed)
-    assert not fill(computed, [2, 3]) and computed.rig.is_frozen
+    assert not fill(computed, [2, 3]) and computed.rig.is_played
     flag.modifiers.remove(cloth)
-    computed.frozen[1].data.vertices[0].co.x += 0.1  # no keyframe sets it
+    computed.played[1].data.vertices[0].co.x += 0.1  # no keyframe sets it
     assert fill(computed, [2])
-    computed.frozen[0].pose.bones["bone1"].location.x += 0.4
+    computed.played[0].pose.bones["bone1"].location.x += 0.4
     layer().update()
     assert not fill(computed, [3])
 
@@ -197,22 +197,22 @@ def test_record_plays_what_ghosts_need(cast, settings):
     cast.scene.frame_set(5)
     toggle(cast)
     assert_ghosts(cast, [])
-    select(cast.frozen[0])
+    select(cast.played[0])
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
     assert_ghosts(cast, [1, 9])
     assert addon_module("played.recording").missing(cast.rig, cast.scene) == []
 
 
 @needs_memory
-def test_ghosts_of_a_frozen_character_are_recorded_while_it_plays_from_memory(cast, settings):
+def test_ghosts_of_a_played_character_are_recorded_while_it_plays_from_memory(cast, settings):
     settings.before, settings.after, settings.step = 1, 1, 2
-    cast.freeze()
-    select(cast.frozen[0])
+    cast.take_over()
+    select(cast.played[0])
     bpy.ops.object.sinew_onion_skins()
     select()
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     cast.scene.frame_set(5)
     assert_ghosts(cast, [3, 7])
 
@@ -241,11 +241,11 @@ def test_no_ghost_is_older_than_an_edit_of_the_armature(cast, settings, edit):
     toggle(cast)
     cast.record()
     cast.scene.frame_set(5)
-    for armature, *_ in (cast.frozen, cast.live):
+    for armature, *_ in (cast.played, cast.live):
         edit(armature)
     layer().update()
     cast.scene.frame_set(6)
-    assert_ghosts(cast, sorted(shown(cast, cast.frozen[1])))
+    assert_ghosts(cast, sorted(shown(cast, cast.played[1])))
     cast.play()
     cast.scene.frame_set(5)
     assert_ghosts(cast, [1, 2, 3, 4, 6, 7, 8, 9, 10])
@@ -257,7 +257,7 @@ def test_moving_a_key_drops_ghosts(cast, settings):
     toggle(cast)
     cast.record()
     cast.scene.frame_set(2)
-    for armature, *_ in (cast.frozen, cast.live):
+    for armature, *_ in (cast.played, cast.live):
         curve = addon_module("blender.animation").action_curves(armature.animation_data.action)[0]
         curve.keyframe_points[3].co.y += 1
         curve.update()
@@ -303,13 +303,13 @@ def test_no_ghost_is_older_than_an_edit_of_the_mesh(cast, settings, edit):
     settings.before, settings.after, settings.step = 5, 5, 1
     toggle(cast)
     cast.record()
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_set(5)
-    for _, *meshes, _prop in (cast.frozen, cast.live):
+    for _, *meshes, _prop in (cast.played, cast.live):
         for ob in meshes:
             edit(ob)
     layer().update()
-    assert_ghosts(cast, sorted(shown(cast, cast.frozen[1])))
+    assert_ghosts(cast, sorted(shown(cast, cast.played[1])))
     cast.play()
     cast.scene.frame_set(5)
     assert_ghosts(cast, [1, 2, 3, 4, 6, 7, 8, 9, 10])
@@ -325,25 +325,25 @@ def test_triangles_are_read_once_and_again_when_they_change(cast, settings):
     ghost = drawings()[0].ghost
     assert ghost.shape.topology.triangles.dtype == np.int32
     assert ghost.shape.topology.triangles.max() == len(ghost.shape.positions) - 1
-    cast.frozen[1].modifiers.new("Subdivision", "SUBSURF").levels = 1
+    cast.played[1].modifiers.new("Subdivision", "SUBSURF").levels = 1
     for frame in (3, 5):
         cast.scene.frame_set(frame)
-    key = addon_module("blender.values").key_of(cast.frozen[1])
+    key = addon_module("blender.values").key_of(cast.played[1])
     shape = next(ghost.shape for ghost, _ in drawings() if ghost.key[0] == key)
-    assert len(shape.positions) > len(cast.frozen[1].data.vertices)
+    assert len(shape.positions) > len(cast.played[1].data.vertices)
     assert shape.topology.triangles.max() == len(shape.positions) - 1
 
 
 @needs_memory
 def test_a_prop_on_a_bone_has_ghosts(cast, settings):
     settings.before, settings.after, settings.step = 1, 1, 1
-    cast.frozen[3].data.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    cast.played[3].data.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
     toggle(cast)
     cast.record()
-    cast.freeze()
+    cast.take_over()
     fill_native(cast, range(1, 11))
     cast.scene.frame_set(4)
-    found = shown(cast, cast.frozen[3])
+    found = shown(cast, cast.played[3])
     assert sorted(found) == [3, 5]
     for frame, positions in found.items():
         cast.scene.frame_set(frame)
@@ -355,14 +355,14 @@ def test_hidden_and_removed_objects_have_no_ghosts(cast, settings):
     toggle(cast)
     cast.record()
     cast.scene.frame_set(5)
-    cast.frozen[1].hide_set(True)
-    assert shown(cast, cast.frozen[1]) == {}
-    assert shown(cast, cast.frozen[2])
-    bpy.data.objects.remove(cast.frozen[2])
+    cast.played[1].hide_set(True)
+    assert shown(cast, cast.played[1]) == {}
+    assert shown(cast, cast.played[2])
+    bpy.data.objects.remove(cast.played[2])
     cast.scene.frame_set(4)
     layer().update()
     assert drawings() == []
-    bpy.data.objects.remove(cast.frozen[0])
+    bpy.data.objects.remove(cast.played[0])
     cast.scene.frame_set(5)
     assert drawings() == []
 
@@ -373,13 +373,13 @@ def test_undo_keeps_what_is_shown_and_no_old_shape(cast, settings):
     toggle(cast)
     cast.record()
     cast.scene.frame_set(5)
-    cast.frozen[3].location.x = 1
+    cast.played[3].location.x = 1
     bpy.ops.ed.undo_push(message="moved")
     cast.undo()
     assert drawings() == []
     cast.play()
     cast.scene.frame_set(5)
-    assert_ghosts(cast, sorted({1, 3, 7, 9} & set(shown(cast, cast.frozen[1]))))
+    assert_ghosts(cast, sorted({1, 3, 7, 9} & set(shown(cast, cast.played[1]))))
     assert drawings()
 
 
@@ -408,7 +408,7 @@ def test_record_plays_once_what_ghosts_lack(cast):
         played.append(scene.frame_current)
 
     bpy.app.handlers.frame_change_pre.append(look)
-    select(cast.frozen[0])
+    select(cast.played[0])
     try:
         assert bpy.ops.object.sinew_record() == {"FINISHED"}
         assert len(played) > 2 and not any(cast.rig.motion.skins.lacks(each, cast.rig.origin(each)) for each in played)
@@ -484,8 +484,8 @@ def test_nothing_of_it_is_in_the_file(cast, settings):
 
 
 def test_the_button_says_what_lacks(cast, settings):
-    cast.frozen[0].animation_data_clear()
-    select(cast.frozen[0])
+    cast.played[0].animation_data_clear()
+    select(cast.played[0])
     with pytest.raises(RuntimeError, match="have no keyframes"):
         bpy.ops.object.sinew_onion_skins()
     select()
@@ -499,15 +499,15 @@ def test_the_timeline_marks_recorded_frames(cast):
     assert strips.marked(bpy.context) == []
     cast.record()
     assert strips.marked(bpy.context) == []
-    select(cast.frozen[0])
+    select(cast.played[0])
     assert strips.marked(bpy.context) == [cast.rig]
     select()
-    cast.freeze()
+    cast.take_over()
     for frame in (4, 5):
         cast.rig.motion.record.drop_frame(frame)
     assert strips.marked(bpy.context) == [cast.rig]
     bars = strips.bars([cast.rig, cast.rig], lambda frame: 10 * frame, 200, 2)
     assert [bar[:4] for bar in bars] == [(5, 148, 35, 154), (55, 148, 105, 154), (5, 140, 35, 146), (55, 140, 105, 146)]
-    assert {bar.color for bar in bars} == {strips.FROZEN}
-    cast.thaw()
+    assert {bar.color for bar in bars} == {strips.PLAYED}
+    cast.hand_back()
     assert {bar.color for bar in strips.bars([cast.rig], float, 200, 1)} == {strips.LIVE}

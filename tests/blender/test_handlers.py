@@ -24,7 +24,7 @@ LISTS = sorted(
         "frame_change_post",
         "depsgraph_update_pre",
         "depsgraph_update_post",
-        # of frozen characters
+        # of played characters
         "frame_change_pre",
         "frame_change_post",
         "frame_change_post",

@@ -80,9 +80,9 @@ def look(zoo, monkeypatch, structs):
     wrong = []
     if lost != {"Native and recorded rigs"}:
         wrong = zoo.play() + zoo.differences(lost)
-    was_frozen, more = zoo.freeze()
-    if was_frozen == ("Native and recorded rigs" in lost):
-        wrong.append(f"a character could {'' if was_frozen else 'not '}be frozen")
+    was_played, more = zoo.take_over()
+    if was_played == ("Native and recorded rigs" in lost):
+        wrong.append(f"a character could {'' if was_played else 'not '}be played")
     return wrong + more, own
 
 
@@ -116,7 +116,7 @@ def test_a_description_that_cannot_be_read(zoo, monkeypatch):
     zoo.forget()
     lost = set(host("features").FEATURES)
     assert zoo.play() + zoo.differences(lost) == []
-    assert zoo.freeze() == (False, [])
+    assert zoo.take_over() == (False, [])
     assert "cannot be read: no space" in host("contract").trouble()
     assert asked == [1]
 
@@ -326,14 +326,14 @@ def with_another_meaning(zoo, difference, expected):
     for each in zoo.animals.values():
         each.ob.data.update()
     wrong += zoo.play()
-    was_frozen, more = zoo.freeze()
+    was_played, more = zoo.take_over()
     contract, features = host("contract"), host("features")
     own = contract._look().lost
     if set(own) != expected or len(own) == 1 and list(own.values()) != [[difference]]:
         wrong.append(f"what is lost is {own}")
     lost = set(features.lost_with(own))
-    if was_frozen == ("Native and recorded rigs" in lost):
-        wrong.append(f"a character could {'' if was_frozen else 'not '}be frozen")
+    if was_played == ("Native and recorded rigs" in lost):
+        wrong.append(f"a character could {'' if was_played else 'not '}be played")
     if not any(difference in each and bpy.app.version_string in each for each in contract.sentences()):
         wrong.append(f"nobody says it: {contract.sentences()}")
     return wrong + more + zoo.differences(lost)
@@ -342,7 +342,7 @@ def with_another_meaning(zoo, difference, expected):
 def test_keyframes_elsewhere_are_not_believed(zoo, monkeypatch):
     zoo.forget()
     elsewhere("keyframes", "BezTriple", "vec", "offset", 4)(monkeypatch)
-    curves = addon_module("blender.animation").keyed_curves(zoo.frozen)
+    curves = addon_module("blender.animation").keyed_curves(zoo.played)
     with pytest.raises(host("contract").Broken, match="keyframes are not where they were"):
         host("keyframes").read(list(curves))
     assert set(host("contract")._look().lost) == {"Native and recorded rigs"}
@@ -355,7 +355,7 @@ def test_keyframes_elsewhere_are_not_believed(zoo, monkeypatch):
 )
 def test_numbers_of_bones_elsewhere_are_not_believed(zoo, monkeypatch, kind, name, by):
     zoo.forget()
-    ob = zoo.frozen
+    ob = zoo.played
     ob.pose.bones[0]["own"] = 1
     assert host("bone_memory").read_numbers(ob) is not None
     zoo.forget()
@@ -367,26 +367,26 @@ def test_numbers_of_bones_elsewhere_are_not_believed(zoo, monkeypatch, kind, nam
 @pytest.mark.parametrize(("name", "by"), [("pchan_name", 1), ("transChan", 1), ("flag", 1), ("rotation_mode", -1)])
 def test_variables_elsewhere_are_not_believed(zoo, monkeypatch, name, by):
     zoo.forget()
-    curve = zoo.frozen.driver_add("color", 0)
+    curve = zoo.played.driver_add("color", 0)
     (variable,) = [curve.driver.variables.new()]
     variable.type = "TRANSFORMS"
     (target,) = variable.targets
-    target.id, target.bone_target = zoo.frozen, zoo.frozen.pose.bones[0].name
+    target.id, target.bone_target = zoo.played, zoo.played.pose.bones[0].name
     target.transform_type, target.transform_space, target.rotation_mode = "SCALE_X", "LOCAL_SPACE", "SWING_TWIST_Y"
     elsewhere("driver_memory", "DriverTarget", name, "offset", by)(monkeypatch)
-    wanted = zoo.frozen, "", target.bone_target, "SCALE_X", "LOCAL_SPACE", "SWING_TWIST_Y"
+    wanted = zoo.played, "", target.bone_target, "SCALE_X", "LOCAL_SPACE", "SWING_TWIST_Y"
     assert host("driver_memory").read_variables([curve]) == [[("var", "TRANSFORMS", [wanted])]]
     assert set(host("contract")._look().lost) == {"Drivers of native rigs"}
 
 
-def test_a_character_that_is_frozen_is_thawed_if_that_is_lost(zoo):
-    freezing, contract = addon_module("played.freezing"), host("contract")
+def test_a_character_that_is_played_is_handed_back_if_that_is_lost(zoo):
+    states, contract = addon_module("played.states"), host("contract")
     zoo.reopen()
     assert zoo.play() == []
-    freezing.freeze([zoo.rig], zoo.scene, bpy.context.view_layer)
-    assert zoo.rig.is_frozen and zoo.play() == [] and zoo.rig.is_frozen
+    states.take_over([zoo.rig], zoo.scene, bpy.context.view_layer)
+    assert zoo.rig.is_played and zoo.play() == [] and zoo.rig.is_played
     contract.distrust("Native and recorded rigs", "something is not where it was")
-    assert zoo.play() == [] and not zoo.rig.is_frozen
+    assert zoo.play() == [] and not zoo.rig.is_played
 
 
 def test_each_member_is_compared_with_the_property_that_shows_it(zoo, monkeypatch):

@@ -56,22 +56,22 @@ def test_all_is_on_unless_somebody_wants_it_off(preferences):
 
 
 def test_the_preference_works_at_once_and_back(fresh_scene, preferences):
-    """Bound meshes of all kinds keep their shapes, and a frozen one is live."""
+    """Bound meshes of all kinds keep their shapes, and a played one is live."""
     zoo = Zoo(fresh_scene)
     zoo.reopen()
     every = set(addon_module("host.features").FEATURES)
-    freezing = addon_module("played.freezing")
+    states = addon_module("played.states")
     try:
         assert zoo.play() + zoo.differences(set()) == []
-        freezing.freeze([zoo.rig], fresh_scene, bpy.context.view_layer)
-        assert zoo.rig.is_frozen
+        states.take_over([zoo.rig], fresh_scene, bpy.context.view_layer)
+        assert zoo.rig.is_played
         preferences.uses_memory = False
-        assert not zoo.rig.is_frozen
+        assert not zoo.rig.is_played
         assert zoo.play() + zoo.differences(every) == []
-        assert zoo.freeze() == (False, [])
+        assert zoo.take_over() == (False, [])
         preferences.uses_memory = True
         assert zoo.play() + zoo.differences(set()) == []
-        assert zoo.freeze() == (True, [])
+        assert zoo.take_over() == (True, [])
     finally:
         preferences.uses_memory = True
         forget_memory()

@@ -6,8 +6,8 @@ import pytest
 
 from helpers import addon_module, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, cast, wait  # noqa: F401
-from test_frozen import EDITS, edit_rest, layer, recorded
-from test_frozen_who import both
+from test_played import EDITS, edit_rest, layer, recorded
+from test_played_who import both
 
 pytestmark = [needs_rig_programs, needs_memory]
 NAMES = ("bone0", "bone2")
@@ -37,15 +37,15 @@ def settings():
 
 @pytest.mark.parametrize("edit", [None, *EDITS])
 def test_they_are_where_the_bones_go(cast, edit):  # noqa: F811
-    cast.frozen[0].location, cast.live[0].location = (1, 2, 3), (1, 2, 3)
+    cast.played[0].location, cast.live[0].location = (1, 2, 3), (1, 2, 3)
     accelerate(cast)
-    assert len(paths(cast.frozen[0], 4)) == 2
+    assert len(paths(cast.played[0], 4)) == 2
     if edit is not None:
         for armature, *_ in both(cast):
             edit(armature)
         layer().update()
         wait(cast)
-    found = paths(cast.frozen[0], 4)
+    found = paths(cast.played[0], 4)
     is_live = cast.rig.source.program is None or not cast.rig.is_idle
     assert is_live == (edit is edit_rest)  # which keeps it so
     if is_live:
@@ -61,31 +61,31 @@ def test_they_are_where_the_bones_go(cast, edit):  # noqa: F811
 def test_each_frame_is_computed_once(cast, monkeypatch):  # noqa: F811
     accelerate(cast)
     module, known = addon_module("onion.motion_paths"), cast.rig.source.heads
-    paths(cast.frozen[0], 4)
+    paths(cast.played[0], 4)
     assert sorted(known) == list(range(1, 8))
     before = known[4]
-    paths(cast.frozen[0], 5)
+    paths(cast.played[0], 5)
     assert sorted(known) == list(range(1, 9)) and known[4] is before
     monkeypatch.setattr(module, "MOST_KEPT", 10)
-    paths(cast.frozen[0], 40)
+    paths(cast.played[0], 40)
     assert sorted(known) == list(range(37, 44))
 
 
 def test_rigs_that_are_not_computed_have_none(cast):  # noqa: F811
-    assert paths(cast.frozen[0], 4) == [] == paths(cast.live[0], 4)
+    assert paths(cast.played[0], 4) == [] == paths(cast.live[0], 4)
     accelerate(cast)
     assert paths(cast.live[0], 4) == []
-    assert addon_module("onion.motion_paths").around([(cast.frozen[0], "no bone")], 4, 3) == []
+    assert addon_module("onion.motion_paths").around([(cast.played[0], "no bone")], 4, 3) == []
     bpy.ops.object.select_all(action="DESELECT")
-    select(cast.frozen[0])
+    select(cast.played[0])
     assert bpy.ops.object.sinew_leave_to_blender() == {"FINISHED"}
-    assert paths(cast.frozen[0], 4) == [] and recorded().get(cast.frozen[0]) is cast.rig
+    assert paths(cast.played[0], 4) == [] and recorded().get(cast.played[0]) is cast.rig
 
 
 def test_what_a_view_shows(cast, settings):  # noqa: F811
     accelerate(cast)
     shown = addon_module("onion.motion_paths").shown
-    select(cast.frozen[0])
+    select(cast.played[0])
     settings.path_frames = 5
     assert shown(bpy.context) == []
     settings.shows_paths = True
@@ -94,6 +94,6 @@ def test_what_a_view_shows(cast, settings):  # noqa: F811
     bpy.ops.pose.select_all(action="SELECT")
     wait(cast)
     found = shown(bpy.context)
-    assert len(found) == len(cast.frozen[0].pose.bones) and len(found[0].points) == 11
+    assert len(found) == len(cast.played[0].pose.bones) and len(found[0].points) == 11
     bpy.ops.object.mode_set(mode="OBJECT")
     assert shown(bpy.context) == []

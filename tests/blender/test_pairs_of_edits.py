@@ -14,8 +14,8 @@ import test_edited_animation as animation
 from helpers import addon_module, depsgraph, evaluated, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, keep_live, wait
 from test_edited_animation import HAS_SLOTS, NOW, NUMBERS, OTHER, Animated
-from test_frozen import layer, matrices_of
-from test_frozen_who import both
+from test_played import layer, matrices_of
+from test_played_who import both
 
 pytestmark = [needs_rig_programs, needs_memory]
 ROLE = "role"  # a custom property by which objects are found again, whatever their names and Blender's memory
@@ -43,7 +43,7 @@ class Day:
         found = {ob[ROLE]: ob for ob in bpy.data.objects if ROLE in ob}
         self.cast = Animated.__new__(Animated)
         self.cast.scene = bpy.context.scene
-        self.cast.frozen, self.cast.live = (tuple(found[f"{who} {part}"] for part in PARTS) for who in ("one", "other"))
+        self.cast.played, self.cast.live = (tuple(found[f"{who} {part}"] for part in PARTS) for who in ("one", "other"))
         keep_live(self.cast)
 
     @property
@@ -739,7 +739,7 @@ IN_WORDS = {"ids": lambda edit: getattr(edit, "__name__", None)}
     **IN_WORDS,
 )
 def test_each_edit_can_be_made(day, edit):
-    assert day.cast.rig.is_frozen, day.cast.rig.reason
+    assert day.cast.rig.is_played, day.cast.rig.reason
     edit(day)
     day.update()
     for frame in (OTHER, OTHER + 1):
@@ -766,7 +766,7 @@ def test_two_edits_of_a_rig_that_moves(day, first, second, moment):
 
 
 def make_two(day, first, second, moment):
-    assert day.cast.rig.is_frozen, day.cast.rig.reason
+    assert day.cast.rig.is_played, day.cast.rig.reason
     first(day)
     moment(day)
     try:

@@ -77,7 +77,7 @@ TABLE = {
         "driven keys": PART,
     },
     "played.followers": {
-        "Followers | NotFreezable": PART,
+        "Followers | NotPlayable": PART,
         "{} uses it in a way that Sinew does not know: remove that": clause(),
         "{} is simulated, and its simulation needs its armature between frames": NOTHING_WITHIN,
         "{} hangs on bones, and its simulation would begin anew on each frame: let them deform it": clause(),
@@ -106,7 +106,7 @@ TABLE = {
         "the driver of {} of {} reads it, and {}: rewrite it": clause(DRIVER),
         "{} of {}": PART,
     },
-    "played.freezing": {
+    "played.states": {
         "{} waits until Blender has rendered or baked": NOTHING,
         "{} is changed after each evaluation: switch off the script or add-on that does it": sentence(),
         "{} + 0 * frame": PART,

@@ -10,8 +10,8 @@ from characters import constrain, make_armature, pose
 from helpers import addon_module, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, keep_live, recorded, wait
 from test_accelerated_rigs import accelerating as accelerating
-from test_frozen import FRAMES, Cast, freezing, layer, matrices_of
-from test_frozen_who import both
+from test_played import FRAMES, Cast, layer, matrices_of, states
+from test_played_who import both
 
 pytestmark = [needs_rig_programs, needs_memory]
 
@@ -100,8 +100,8 @@ class Led(Cast):
         for ours, theirs in zip(*self.leaders):
             assert np.array_equal(matrices_of(ours), matrices_of(theirs))
 
-    def are_frozen(self):
-        return all(rig.is_frozen for rig in (self.rig, *self.led))
+    def are_played(self):
+        return all(rig.is_played for rig in (self.rig, *self.led))
 
 
 def without_keyframes(led):
@@ -125,11 +125,11 @@ def led(request, fresh_scene, monkeypatch):
 
 def test_it_is_computed_after_what_it_follows(led):
     accelerate(led)
-    assert led.are_frozen()
+    assert led.are_played()
     shapes = led.play([*FRAMES, 3, -7, 400, 5])
     led.scene.frame_set(4, subframe=0.5)
     led.assert_same()
-    assert led.are_frozen() and np.ptp(shapes, axis=0).max() > 0.1
+    assert led.are_played() and np.ptp(shapes, axis=0).max() > 0.1
     assert len(led.rig.source.compared) > 1
 
 
@@ -139,13 +139,13 @@ def test_chains(fresh_scene, monkeypatch):
     led = Led(fresh_scene, depth=3)
     accelerate(led)
     led.play()
-    assert led.are_frozen()
+    assert led.are_played()
     led.leaders[0][-1].pose.bones["bone2"].rotation_quaternion = (1, 0, 0.5, 0)
     led.leaders[1][-1].pose.bones["bone2"].rotation_quaternion = (1, 0, 0.5, 0)
     layer().update()
     led.assert_same()
     led.play([2, 1, 6])
-    assert led.are_frozen()
+    assert led.are_played()
 
 
 def by_hand(leader):
@@ -200,7 +200,7 @@ def edit_and_play(led, armatures, edit, is_updated=True):
     led.play([5, 4, 9, 1])
     wait(led)
     led.play()
-    assert led.are_frozen(), led.rig.reason
+    assert led.are_played(), led.rig.reason
 
 
 @pytest.mark.parametrize("is_updated", (True, False))
@@ -226,11 +226,11 @@ def test_a_bone_that_it_follows_is_removed(led):
     select()
     led.play([5, 4, 9])
     wait(led)
-    assert not led.rig.is_frozen and "has no bone bone4: choose another one" in led.rig.reason
+    assert not led.rig.is_played and "has no bone bone4: choose another one" in led.rig.reason
     led.play()
 
 
-def test_posing_one_and_the_other_is_not_thawed(led):
+def test_posing_one_and_the_other_is_not_handed_back(led):
     accelerate(led)
     led.scene.frame_set(4)
     for chosen in (led.leaders, [[armature] for armature, *_ in both(led)], led.leaders):
@@ -242,7 +242,7 @@ def test_posing_one_and_the_other_is_not_thawed(led):
         layer().update()
         led.assert_same()
         led.play([5, 4])
-        assert led.are_frozen()
+        assert led.are_played()
 
 
 def test_a_wrong_leader_is_noticed(led):
@@ -267,7 +267,7 @@ def leave_unkeyed(led):
 def edit_a_key_meanwhile(led):
     """Those that lead are not looked at, only the one that follows."""
     accelerate(led)
-    freezing().thaw([led.rig, *led.led], led.scene, layer())
+    states().hand_back([led.rig, *led.led], led.scene, layer())
     for (leader,) in led.leaders:
         curve = addon_module("blender.animation").slot_curves(leader)[0]
         for key in curve.keyframe_points:
@@ -283,7 +283,7 @@ def test_what_is_not_known_of_a_leader_is_no_fault_of_the_one_that_follows(led, 
     edit(led)
     layer().update()
     wait(led)
-    assert not led.rig.is_frozen and caplog.records == []
+    assert not led.rig.is_played and caplog.records == []
     led.assert_same()
     led.play([2, 3])
     led.led[0].trial.tries_to_skip = 0
@@ -327,7 +327,7 @@ def test_those_that_follow_each_other_stay_live(led):
         constraint.target, constraint.subtarget = armature, "bone1"
     layer().update()
     wait(led)
-    assert not led.rig.is_frozen and "follow each other" in led.rig.reason, led.rig.reason
+    assert not led.rig.is_played and "follow each other" in led.rig.reason, led.rig.reason
     led.play()
 
 
@@ -335,7 +335,7 @@ def test_what_it_follows_cannot_be_computed(led):
     for (leader,) in led.leaders:
         leader.pose.ik_solver = "ITASC"
     wait(led)
-    assert not led.rig.is_frozen and "follows bones of Rig.002, which is not native" in led.rig.reason
+    assert not led.rig.is_played and "follows bones of Rig.002, which is not native" in led.rig.reason
     led.play()
 
 
@@ -358,7 +358,7 @@ def test_an_armature_that_stands_still_may_be_followed(fresh_scene, monkeypatch)
     layer().update()
     cast.assert_same()
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 def pose_by_hand(armature, angle):
@@ -366,9 +366,9 @@ def pose_by_hand(armature, angle):
     armature.pose.bones["bone2"].rotation_euler = (angle, 0.1, angle / 2)
 
 
-def test_freezing_both_records_nothing(led):
+def test_taking_over_both_records_nothing(led):
     select()
-    freezing().freeze([led.rig, *led.led], led.scene, layer())
-    assert led.are_frozen(), led.rig.reason
+    states().take_over([led.rig, *led.led], led.scene, layer())
+    assert led.are_played(), led.rig.reason
     led.play()
-    assert led.are_frozen() and len(led.rig.motion.record) == 0
+    assert led.are_played() and len(led.rig.motion.record) == 0

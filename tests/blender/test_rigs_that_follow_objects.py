@@ -11,8 +11,8 @@ from characters import constrain, make_armature
 from helpers import addon_module, depsgraph, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerating as accelerating
 from test_accelerated_rigs import keep_live, recorded, wait
-from test_frozen import FRAMES, Cast, freezing, layer, matrices_of
-from test_frozen_who import both
+from test_played import FRAMES, Cast, layer, matrices_of, states
+from test_played_who import both
 
 pytestmark = [needs_rig_programs, needs_memory]
 KEYED = {"location": 3, "rotation_euler": 3, "scale": 3}
@@ -66,7 +66,7 @@ class Driven(Cast):
 
     def accelerate(self):
         wait(self)
-        assert self.rig.is_frozen and self.rig.trial.needs_program, self.rig.reason
+        assert self.rig.is_played and self.rig.trial.needs_program, self.rig.reason
 
 
 @pytest.fixture(params=(True, False), ids=("with keyframes", "without"))
@@ -85,7 +85,7 @@ def followed(armature):
 
 
 def test_it_is_computed(cast):
-    before = followed(cast.frozen[0])
+    before = followed(cast.played[0])
     places = [tuple(ob.location) for ob in (cast.cart, cast.wheel, cast.ball)]
     cast.accelerate()
     assert len(cast.rig.source.compared) > 1
@@ -93,15 +93,15 @@ def test_it_is_computed(cast):
     shapes = cast.play([*FRAMES, 3, -7, 400, 5])
     cast.scene.frame_set(4, subframe=0.5)
     cast.assert_same()
-    assert cast.rig.is_frozen and np.ptp(shapes, axis=0).max() > 0.1
-    assert followed(cast.frozen[0]) == before == followed(cast.live[0])
+    assert cast.rig.is_played and np.ptp(shapes, axis=0).max() > 0.1
+    assert followed(cast.played[0]) == before == followed(cast.live[0])
 
 
 def test_blender_does_not_evaluate_its_bones_again(cast, monkeypatch):
     """What it follows moves on each frame: bones that Blender evaluated because of that would be others."""
     cast.accelerate()
     cast.scene.frame_set(4)
-    copy = cast.frozen[0].evaluated_get(depsgraph())
+    copy = cast.played[0].evaluated_get(depsgraph())
     monkeypatch.setattr(addon_module("played.playing"), "_has_work", lambda: False)
     before = np.array([bone.matrix for bone in copy.pose.bones])
     cast.scene.frame_set(9)
@@ -115,7 +115,7 @@ def test_a_copy_that_blender_makes_meanwhile_follows_it_all_the_same(cast, monke
     tag = relations.tag
 
     def tag_both():
-        cast.frozen[0].update_tag()
+        cast.played[0].update_tag()
         return tag()
 
     drive_by(cast, "TRANSFORMS", cast.wheel, transform_type="LOC_Y")
@@ -143,7 +143,7 @@ def test_a_child_of_what_follows_it_is_live(cast, has_keys):
     cast.scene.frame_set(1)
     wait(cast)
     assert (
-        not cast.rig.is_frozen and "is a child of" in cast.rig.reason and "which follows its bones" in cast.rig.reason
+        not cast.rig.is_played and "is a child of" in cast.rig.reason and "which follows its bones" in cast.rig.reason
     )
     cast.play(FRAMES)
 
@@ -212,7 +212,7 @@ def move_and_play_on(cast):
     cast.assert_same()
     cast.play([4, 8])
     wait(cast)
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
 
 
 @pytest.mark.parametrize("read", READ)
@@ -248,7 +248,7 @@ def test_drivers_read_properties_that_are_keyed(cast, kind):
     cast.assert_same()
     cast.play([4, 8, 3])
     wait(cast)
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
     panel[name] = numbers[1]
     panel.update_tag()
     layer().update()
@@ -269,13 +269,13 @@ def test_what_drivers_read_gets_keyframes_and_loses_them(cast, path):
     layer().update()
     cast.play([4, 5, 9])
     wait(cast)
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
     cast.play([3, 8])
     panel.animation_data_clear()
     layer().update()
     cast.play([4, 5])
     wait(cast)
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
     cast.play([3, 8])
 
 
@@ -375,7 +375,7 @@ def test_edits(cast, edit, is_seen):
         cast.assert_same()
     cast.play([5, 4, 9])
     wait(cast)
-    assert cast.rig.is_frozen == (edit not in STAYS_LIVE), cast.rig.reason
+    assert cast.rig.is_played == (edit not in STAYS_LIVE), cast.rig.reason
     cast.play()
     edit(cast) if edit in (key, move, pose, pose_and_move, key_a_bone) else None
     layer().update()
@@ -387,14 +387,14 @@ def test_posing_by_hand_keeps_it_computed(cast, monkeypatch):
     cast.accelerate()
     cast.play([3, 4])
     built = []
-    build = freezing()._build
-    monkeypatch.setattr(freezing(), "_build", lambda *arguments: built.append(arguments) or build(*arguments))
+    build = states()._build
+    monkeypatch.setattr(states(), "_build", lambda *arguments: built.append(arguments) or build(*arguments))
     for frame in (5, 6, 8):
         pose(cast)
         layer().update()
         cast.assert_same()
         cast.play([frame])
-        assert cast.rig.is_frozen
+        assert cast.rig.is_played
     assert built == []
 
 
@@ -429,7 +429,7 @@ def test_what_was_moved_by_hand_is_not_evaluated_elsewhere_first(cast):
     layer().update()
     place = tuple(cast.ball.location)
     wait(cast)
-    assert not cast.rig.is_frozen and tuple(cast.ball.location) == place
+    assert not cast.rig.is_played and tuple(cast.ball.location) == place
     assert "Ball, which Rig follows, has changes that are not keyed" in cast.rig.reason
     cast.assert_same()
     cast.play([2, 5])
@@ -502,7 +502,7 @@ def test_constraints_in_local_space(cast, kind):
 def test_what_moves_otherwise_keeps_it_live(cast, prepare):
     clause = prepare(cast)
     wait(cast)
-    assert not cast.rig.is_frozen and clause in cast.rig.reason
+    assert not cast.rig.is_played and clause in cast.rig.reason
     cast.play()
 
 
@@ -521,7 +521,7 @@ def test_a_live_rig_that_follows_it_is_posed_after_it(cast):
     """While relations are built it is without what it follows."""
     armature = make_armature()
     armature.keyframe_insert('pose.bones["bone0"].location', frame=1)
-    add(armature, "CHILD_OF", "bone0", cast.frozen[0], subtarget="bone2", set_inverse_pending=False)
+    add(armature, "CHILD_OF", "bone0", cast.played[0], subtarget="bone2", set_inverse_pending=False)
     cast.scene.frame_set(2)
     before = matrices_of(armature)
     cast.accelerate()
@@ -529,23 +529,23 @@ def test_a_live_rig_that_follows_it_is_posed_after_it(cast):
     assert np.array_equal(matrices_of(armature), before)
     cast.play()
     if cast.has_keys:
-        curve = addon_module("blender.animation").slot_curves(cast.frozen[0])[0]
+        curve = addon_module("blender.animation").slot_curves(cast.played[0])[0]
         for key in curve.keyframe_points:
             key.co.y += 0.4
         curve.update()
     else:
-        cast.frozen[0].pose.bones["bone0"].rotation_quaternion = (1, 0.4, 0.2, 0)
+        cast.played[0].pose.bones["bone0"].rotation_quaternion = (1, 0.4, 0.2, 0)
     layer().update()
     assert cast.rig.is_idle
     shown = matrices_of(armature)
-    freezing().thaw([cast.rig], cast.scene, layer())
+    states().hand_back([cast.rig], cast.scene, layer())
     cast.scene.frame_set(cast.scene.frame_current)
     assert np.array_equal(matrices_of(armature), shown) and not np.array_equal(before, shown)
 
 
-def test_it_can_be_frozen(cast):
-    freezing().freeze([recorded().learn(cast.frozen[0])], cast.scene, layer())
-    assert cast.rig.is_frozen, cast.rig.reason
+def test_it_can_be_played(cast):
+    states().take_over([recorded().learn(cast.played[0])], cast.scene, layer())
+    assert cast.rig.is_played, cast.rig.reason
     cast.play([*FRAMES, 3])
     cast.move(cast.wheel, 6)
     layer().update()

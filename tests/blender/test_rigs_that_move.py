@@ -10,8 +10,8 @@ from characters import accelerate as accelerate_mesh
 from characters import make_armature, make_mesh, pose
 from helpers import addon_module, depsgraph, evaluated, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerating, keep_live, wait
-from test_frozen import FRAMES, Cast, layer
-from test_frozen_who import both, can_render
+from test_played import FRAMES, Cast, layer
+from test_played_who import both, can_render
 
 pytestmark = [needs_rig_programs, needs_memory]
 
@@ -78,7 +78,7 @@ class Moving(Cast):
 
     def accelerate(self):
         wait(self)
-        assert self.rig.is_frozen and self.rig.trial.needs_program, self.rig.reason
+        assert self.rig.is_played and self.rig.trial.needs_program, self.rig.reason
 
     def undo(self):
         names = [[ob.name for ob in each] for each in self.hung]
@@ -135,14 +135,14 @@ def test_it_is_everywhere_where_blender_has_it(scene, mode):
     shapes = cast.play([*FRAMES, 3, -7, 400, 5])
     cast.scene.frame_set(4, subframe=0.5)
     cast.assert_same()
-    assert cast.rig.is_frozen and np.ptp(shapes, axis=0).max() > 0.1
-    assert cast.rig.followers.carried == [cast.frozen[1]]
+    assert cast.rig.is_played and np.ptp(shapes, axis=0).max() > 0.1
+    assert cast.rig.followers.carried == [cast.played[1]]
 
 
 def test_blender_does_not_evaluate_its_bones(cast, monkeypatch):
     cast.accelerate()
     cast.scene.frame_set(4)
-    copy = cast.frozen[0].evaluated_get(depsgraph())
+    copy = cast.played[0].evaluated_get(depsgraph())
     monkeypatch.setattr(addon_module("played.playing"), "_has_work", lambda: False)
     before = np.array([bone.matrix for bone in copy.pose.bones]), copy.matrix_world.copy()
     cast.scene.frame_set(9)
@@ -158,7 +158,7 @@ def test_a_move_by_hand_shows_and_is_lost_as_in_blender(cast):
     cast.scene.frame_set(6)
     cast.assert_same()
     wait(cast)
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
     cast.play()
 
 
@@ -299,13 +299,13 @@ def test_its_parents_move(carried):
     carried.play([*FRAMES, 3, -7, 400, 5])
     carried.scene.frame_set(4, subframe=0.5)
     carried.assert_same()
-    assert carried.rig.is_frozen
+    assert carried.rig.is_played
 
 
 def test_blender_does_not_evaluate_bones_because_of_its_parents(carried, monkeypatch):
     carried.accelerate()
     carried.scene.frame_set(4)
-    copy = carried.frozen[0].evaluated_get(depsgraph())
+    copy = carried.played[0].evaluated_get(depsgraph())
     monkeypatch.setattr(addon_module("played.playing"), "_has_work", lambda: False)
     before = np.array([bone.matrix for bone in copy.pose.bones])
     carried.scene.frame_set(9)
@@ -439,7 +439,7 @@ def test_a_render_of_some_frames(cast, tmp_path):
     assert cast.rig.trust.difference is None
     cast.play()
     wait(cast)
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
     cast.play()
 
 
@@ -448,7 +448,7 @@ def test_a_render_of_some_frames(cast, tmp_path):
 
 def refused(cast, clause):
     wait(cast)
-    assert not cast.rig.is_frozen and clause in cast.rig.reason, cast.rig.reason
+    assert not cast.rig.is_played and clause in cast.rig.reason, cast.rig.reason
     cast.play()
 
 
@@ -467,10 +467,10 @@ def test_a_driver_that_reads_what_it_carries(cast):
 
 
 def test_bones_that_follow_it(cast):
-    other = cast.frozen[0].copy()
+    other = cast.played[0].copy()
     cast.scene.collection.objects.link(other)
     other.data = other.data.copy()
-    other.pose.bones["side"].constraints.new("COPY_LOCATION").target = cast.frozen[0]
+    other.pose.bones["side"].constraints.new("COPY_LOCATION").target = cast.played[0]
     wait(cast)
     assert f"bones of {other.name} follow it" in cast.rig.reason
 

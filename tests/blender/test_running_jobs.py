@@ -6,8 +6,8 @@ import pytest
 
 from helpers import addon_module, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, cast_of_small_rigs, wait
-from test_frozen import freezing, layer, recorded
-from test_frozen_who import both
+from test_played import layer, recorded, states
+from test_played_who import both
 
 pytestmark = [needs_rig_programs, needs_memory]
 
@@ -15,7 +15,7 @@ pytestmark = [needs_rig_programs, needs_memory]
 @pytest.fixture
 def cast(monkeypatch):
     cast = cast_of_small_rigs(monkeypatch)
-    select(cast.frozen[0])
+    select(cast.played[0])
     return cast
 
 
@@ -38,15 +38,15 @@ class Job:
         self.patch.__exit__(*error)
 
 
-def thaw(cast):
+def hand_back(cast):
     assert bpy.ops.object.sinew_leave_to_blender() == {"FINISHED"}
 
 
-def thaw_the_other(cast):
-    freezing().thaw([recorded().learn(cast.live[0])], cast.scene, layer())
+def hand_back_the_other(cast):
+    states().hand_back([recorded().learn(cast.live[0])], cast.scene, layer())
 
 
-def freeze_the_other(cast):
+def take_over_the_other(cast):
     select(cast.live[0])
     with pytest.raises(RuntimeError, match="Rig.001 waits until Blender has rendered or baked"):
         bpy.ops.object.sinew_record()
@@ -70,11 +70,13 @@ def switch_off_and_on(cast):
 def compare(cast):
     cast.rig.source.compared.clear()
     addon_module("played.comparing").compare(cast.rig, cast.scene)
-    freezing().keep_frozen(cast.scene, layer())
+    states().keep_played(cast.scene, layer())
     assert not cast.rig.source.compared
 
 
-@pytest.mark.parametrize("ask", (thaw, thaw_the_other, freeze_the_other, record, measure, switch_off_and_on, compare))
+@pytest.mark.parametrize(
+    "ask", (hand_back, hand_back_the_other, take_over_the_other, record, measure, switch_off_and_on, compare)
+)
 def test_keyframes_stay_where_they_are(cast, monkeypatch, ask):
     accelerate(cast)
     cast.play([3])
@@ -82,15 +84,15 @@ def test_keyframes_stay_where_they_are(cast, monkeypatch, ask):
         ask(cast)
         cast.play([4, 5, 3])
     cast.rig.ob.sinew_accelerates_rig = True
-    freezing().freeze_again(cast.scene, layer())
-    accelerate_or_freeze(cast)
+    states().take_over_again(cast.scene, layer())
+    accelerate_or_take_over(cast)
     cast.play([6, 2])
     assert all(each[0].animation_data.action is not None for each in both(cast))
 
 
-def accelerate_or_freeze(cast):
+def accelerate_or_take_over(cast):
     wait(cast)
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
 
 
 def test_the_timer_tries_again_after_it(cast, monkeypatch):
@@ -98,10 +100,10 @@ def test_the_timer_tries_again_after_it(cast, monkeypatch):
     handlers = addon_module("played.frame_handlers")
     accelerate(cast)
     with Job(monkeypatch):
-        freezing().keep_frozen(cast.scene, layer())
-        assert not cast.rig.is_frozen
+        states().keep_played(cast.scene, layer())
+        assert not cast.rig.is_played
     handlers._tried = addon_module("played.playing").evaluation_count(), False
     with Job(monkeypatch):
-        handlers.freeze_again()
-    handlers.freeze_again()
-    assert cast.rig.is_frozen
+        handlers.take_over_again()
+    handlers.take_over_again()
+    assert cast.rig.is_played

@@ -12,7 +12,7 @@ from characters import accelerate as bind
 from characters import constrain, make_armature, make_mesh, pose
 from helpers import addon_module, depsgraph, needs_memory, needs_rig_programs
 from test_accelerated_rigs import accelerate, accelerating, evaluations, keep_live
-from test_frozen import Cast, freezing, layer, recorded
+from test_played import Cast, layer, recorded, states
 
 pytestmark = needs_rig_programs
 LINKS, RIGS = 60, 200  # which must not be walked along each path, of which there are 2 ** LINKS
@@ -146,12 +146,12 @@ def cast(fresh_scene, monkeypatch):
 @needs_memory
 def test_frames_of_a_long_range_are_compared_without_looking_at_all(cast):
     cast.scene.frame_start, cast.scene.frame_end = 1, 1_048_574
-    freezing().freeze_again(cast.scene, layer())
+    states().take_over_again(cast.scene, layer())
     while not cast.rig.source.is_proven:
         assert accelerating().step(cast.scene, layer(), evaluations())
     cast.rig.source.compared = Asked()
     addon_module("played.comparing").compare(cast.rig, cast.scene)
-    freezing().keep_frozen(cast.scene, layer())
+    states().keep_played(cast.scene, layer())
     assert len(cast.rig.source.compared) > 1
     cast.rig.source.compared = Asked()
     accelerate(cast)
@@ -198,7 +198,7 @@ class Characters:
     def tick(self):
         handlers = addon_module("played.frame_handlers")
         handlers._paused_until = 0.0
-        handlers.freeze_again()
+        handlers.take_over_again()
 
     def settle(self):
         """What the timer does until nothing is left to do."""
@@ -209,7 +209,7 @@ class Characters:
             if handlers._has_accelerated:
                 break
         own = [recorded().learn(ob) for ob in self.armatures]
-        assert all(rig.is_frozen for rig in own), [rig.reason for rig in own]
+        assert all(rig.is_played for rig in own), [rig.reason for rig in own]
         for rig in own:
             rig.source.is_compared = True
 
@@ -254,7 +254,7 @@ def test_a_timer_pauses_for_longer_than_a_step_has_taken(characters, monkeypatch
     monkeypatch.setattr(handlers, "_tried", handlers._tried)
     for _ in range(200):
         handlers._has_accelerated = is_done
-        handlers.freeze_again()
+        handlers.take_over_again()
         clock[0] += 1.0
     pause = 2.0 * (handlers.PAUSE_AFTER_COMPARING if is_done else handlers.PAUSE_AFTER_STEP)
     assert len(steps) > 2
@@ -278,7 +278,7 @@ def test_a_timer_looks_at_idle_rigs_no_further_after_an_edit(characters):
 
 @needs_memory
 def test_what_a_file_uses_is_found_once_for_all_rigs(characters, monkeypatch):
-    """As Blender builds relations, which thaws all of them."""
+    """As Blender builds relations, which hands back all of them."""
     dependencies, number = addon_module("blender.dependencies"), itertools.count()
     found = dependencies.Users.uses.func
 
@@ -292,9 +292,9 @@ def test_what_a_file_uses_is_found_once_for_all_rigs(characters, monkeypatch):
     marker = bpy.data.objects.new("Marker", None)
     bpy.context.collection.objects.link(marker)
     layer().update()
-    assert not any(recorded().learn(ob).is_frozen for ob in characters.armatures)
+    assert not any(recorded().learn(ob).is_played for ob in characters.armatures)
     characters.tick()
-    assert all(recorded().learn(ob).is_frozen for ob in characters.armatures)
+    assert all(recorded().learn(ob).is_played for ob in characters.armatures)
     assert next(number) <= 4
 
 

@@ -10,8 +10,8 @@ from mathutils import Vector
 from helpers import needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerating as accelerating
 from test_accelerated_rigs import keep_live, wait
-from test_frozen import FRAMES, Cast
-from test_frozen_who import both
+from test_played import FRAMES, Cast
+from test_played_who import both
 from test_rigs_as_programs import differences, refusal
 
 pytestmark = needs_rig_programs
@@ -292,14 +292,14 @@ def cast(request, fresh_scene, monkeypatch):
 
 def accelerate(cast):
     wait(cast)
-    assert cast.rig.is_frozen and cast.rig.trial.needs_program, cast.rig.reason
+    assert cast.rig.is_played and cast.rig.trial.needs_program, cast.rig.reason
 
 
 @needs_memory
 def test_it_is_computed_in_blender(cast):
     accelerate(cast)
     shapes = cast.play([*FRAMES, 3, -7, 400, 5])
-    assert cast.rig.is_frozen and np.ptp(shapes, axis=0).max() > 0.1
+    assert cast.rig.is_played and np.ptp(shapes, axis=0).max() > 0.1
     assert len(cast.rig.source.compared) > 1
 
 
@@ -316,7 +316,7 @@ def test_blender_does_not_evaluate_its_bones_again(cast):
     bpy.app.handlers.frame_change_post.append(note)
     for frame in FRAMES:
         cast.scene.frame_set(frame)
-        assert cast.frozen[0].name not in updated, updated
+        assert cast.played[0].name not in updated, updated
     assert cast.live[0].name in updated
 
 

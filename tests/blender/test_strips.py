@@ -9,10 +9,10 @@ import pytest
 import random_strips
 from helpers import addon_module, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerate, cast, wait
-from test_frozen import layer
-from test_frozen_computed import move, undo_a_pose
-from test_frozen_scenes import into_strips
-from test_frozen_who import both
+from test_played import layer
+from test_played_computed import move, undo_a_pose
+from test_played_scenes import into_strips
+from test_played_who import both
 from test_rigs_as_programs import armature, differences, refusal
 
 assert cast and armature  # fixtures
@@ -150,7 +150,7 @@ def test_it_plays_as_a_live_one(strips):
     shapes = strips.play([*range(1, 11), 4, 8, -5, 30])
     strips.scene.frame_set(4, subframe=0.25)
     strips.assert_same()
-    assert strips.rig.is_frozen and len(strips.rig.source.compared) > 3
+    assert strips.rig.is_played and len(strips.rig.source.compared) > 3
     assert np.ptp(shapes, axis=0).max() > 0.1
 
 
@@ -230,14 +230,14 @@ def test_an_edit_is_seen(strips, edit, is_updated):
     strips.play([7, 3, 9])
     accelerate(strips)
     strips.play([2, 8, 5])
-    assert strips.rig.is_frozen
+    assert strips.rig.is_played
 
 
 @needs_memory
 def test_it_is_posed_and_not_built_again(strips, monkeypatch):
     accelerate(strips)
     strips.scene.frame_set(4)
-    select(strips.frozen[0])
+    select(strips.played[0])
     computing, built = addon_module("played.computing"), []
     read = computing.read
     monkeypatch.setattr(computing, "read", lambda *arguments: built.append(read(*arguments)))
@@ -246,7 +246,7 @@ def test_it_is_posed_and_not_built_again(strips, monkeypatch):
         strips.assert_same()
         assert strips.rig.is_idle
     strips.play([5, 4, 9])
-    assert strips.rig.is_frozen and not built
+    assert strips.rig.is_played and not built
 
 
 @needs_memory
@@ -260,7 +260,7 @@ def test_what_is_not_keyed_is_kept(strips, follows):
     before = strips.rig.ob.pose.bones["bone1"].location.copy()
     wait(strips)
     assert strips.rig.ob.pose.bones["bone1"].location == before
-    assert strips.rig.trust.difference is None and not strips.rig.is_frozen
+    assert strips.rig.trust.difference is None and not strips.rig.is_played
     assert 'changes that are not keyed (bone "bone1")' in strips.rig.reason
     strips.play([5, 6])
     accelerate(strips)

@@ -872,21 +872,21 @@ def bits(searching):
 
 @needs_memory
 @needs_rig_programs
-def test_a_search_thaws_rigs_once(fresh_scene, searching, monkeypatch):
+def test_a_search_hands_back_rigs_once(fresh_scene, searching, monkeypatch):
     monkeypatch.setattr(addon_module("played.accelerating"), "LEAST_WORK", 0)
     pairs = bound(character_with(*PAIRS["subdivision"]))
     find_stencils()
-    accelerating, freezing = addon_module("played.accelerating"), addon_module("played.freezing")
+    accelerating, states = addon_module("played.accelerating"), addon_module("played.states")
     rig = addon_module("played.rigs").learn(pairs[0][0].parent)
     accelerating.accelerate(fresh_scene, bpy.context.view_layer)
-    assert rig.is_frozen
-    thawed = count = 0
+    assert rig.is_played
+    handed_back = count = 0
     for _ in bits(searching):
         bpy.context.view_layer.update()
-        count, thawed = count + 1, thawed + (not rig.is_frozen)
-        freezing.freeze_again(fresh_scene, bpy.context.view_layer)
-        assert rig.is_frozen
-    assert count > 8 and thawed <= 1 and tail_of(pairs[0][0])
+        count, handed_back = count + 1, handed_back + (not rig.is_played)
+        states.take_over_again(fresh_scene, bpy.context.view_layer)
+        assert rig.is_played
+    assert count > 8 and handed_back <= 1 and tail_of(pairs[0][0])
     assert_all_same(pairs)
 
 

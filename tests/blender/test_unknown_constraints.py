@@ -8,8 +8,8 @@ import pytest
 
 from helpers import address_of, needs_memory, needs_rig_programs
 from test_accelerated_rigs import accelerating, keep_live, wait
-from test_frozen import Cast, freezing, layer
-from test_frozen_who import both
+from test_played import Cast, layer, states
+from test_played_who import both
 
 TYPE = 200
 
@@ -45,16 +45,16 @@ def test_it_plays_and_is_accelerated(cast):
     cast.play()
     wait(cast)
     cast.play()
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
 
 
-def test_it_can_be_frozen(cast):
-    freezing().freeze([cast.rig], cast.scene, layer())
+def test_it_can_be_played(cast):
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
 
 
 def test_a_rig_is_exported(cast, tmp_path, sinew):
     path = str(tmp_path / "file.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
-    code, out, err = sinew("rig", path, "--object", cast.frozen[0].name, "-o", tmp_path / "rig.json")
+    code, out, err = sinew("rig", path, "--object", cast.played[0].name, "-o", tmp_path / "rig.json")
     assert code == 0, out + err

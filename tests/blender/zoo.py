@@ -42,7 +42,7 @@ class Animal:
 class Zoo:
     def __init__(self, scene):
         self.scene = scene
-        self.armature, self.bent, self.frozen, self.decorated = self._armatures()
+        self.armature, self.bent, self.played, self.decorated = self._armatures()
         self.animals = dict(self._animals())
         select()
         scene.frame_set(1)
@@ -55,7 +55,7 @@ class Zoo:
         for each in self.animals.values():
             accelerate(each.ob)
         select()
-        self.rig = addon_module("played.rigs").learn(self.frozen)
+        self.rig = addon_module("played.rigs").learn(self.played)
         self.features = addon_module("host.features")
 
     def _armatures(self):
@@ -133,9 +133,9 @@ class Zoo:
         ob.data.shape_keys.use_relative = False
         animate_eval_time(ob)
         yield "left to Blender", Animal(ob, ("absolute keys",))
-        ob = make_mesh(self.frozen, False)
+        ob = make_mesh(self.played, False)
         with_bendy_bones(ob)
-        yield "frozen", Animal(ob, fast=("Fast path of armatures", "B-bones"))
+        yield "played", Animal(ob, fast=("Fast path of armatures", "B-bones"))
 
     # --- what is seen -----------------------------------------------------------------------------
 
@@ -183,16 +183,16 @@ class Zoo:
         self.forget()
         self.scene.frame_set(1)
 
-    def freeze(self):
-        """Freezes one of them, if that is possible, and plays. Returns whether it was frozen, and what is wrong, as
+    def take_over(self):
+        """Takes over one of them, if that is possible, and plays. Returns whether it was played, and what is wrong, as
         sentences."""
-        freezing = addon_module("played.freezing")
-        freezing.freeze([self.rig], self.scene, bpy.context.view_layer)
-        was_frozen, wrong = self.rig.is_frozen, self.play(range(4, 6))
-        if was_frozen == bool(self.rig.reason):
-            wrong.append(f"it is {'' if was_frozen else 'not '}frozen: {self.rig.reason}")
-        freezing.thaw([self.rig], self.scene, bpy.context.view_layer)
-        return was_frozen, wrong
+        states = addon_module("played.states")
+        states.take_over([self.rig], self.scene, bpy.context.view_layer)
+        was_played, wrong = self.rig.is_played, self.play(range(4, 6))
+        if was_played == bool(self.rig.reason):
+            wrong.append(f"it is {'' if was_played else 'not '}played: {self.rig.reason}")
+        states.hand_back([self.rig], self.scene, bpy.context.view_layer)
+        return was_played, wrong
 
 
 def forget_memory():

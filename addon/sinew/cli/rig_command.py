@@ -23,7 +23,7 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
     try:
         if not read.targets.moves:
             followers.check_parent(ob)
-    except followers.NotFreezable as error:
+    except followers.NotPlayable as error:
         read.description["refused"].append(str(error))
     document: dict[str, Any] = {"object": ob.name, "bones": len(ob.pose.bones)}
     lines = [f"{ob.name}: {len(ob.pose.bones):,} bones"]

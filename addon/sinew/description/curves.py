@@ -33,7 +33,7 @@ class Refused(ValueError):
 def rows_of(curves: Sequence[bpy.types.FCurve]) -> list[dict[str, Any]]:
     """Returns path, index, keys (K x 11, float32) and extrapolation of F-curves, in which complete adds what is not
     yet there."""
-    if contract.has(features.FREEZING):
+    if contract.has(features.PLAYING):
         return keyframes.read(curves).described()
     return [
         {"path": curve.data_path, "index": curve.array_index, "keys": keys_of(curve), "modifiers": None}
@@ -64,7 +64,7 @@ def complete(row: dict[str, Any], curve: bpy.types.FCurve) -> dict[str, Any]:
 
 def rounding_of(curve: bpy.types.FCurve) -> dict[str, bool]:
     """Returns what a description says of the rounding of an F-curve of whole numbers, switches or choices."""
-    return {"is_free": True} if contract.has(features.FREEZING) and not keyframes.is_rounded(curve) else {}
+    return {"is_free": True} if contract.has(features.PLAYING) and not keyframes.is_rounded(curve) else {}
 
 
 def keys_of(curve: bpy.types.FCurve) -> np.ndarray:

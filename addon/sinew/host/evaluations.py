@@ -74,7 +74,7 @@ def is_animation_tagged(block: Any) -> bool:
 
 def are_new(blocks: Iterable[Any], graph: Any) -> bool:
     """Whether Blender has built a graph's relations with any of these original data-blocks, as with the action of an
-    armature that was frozen, and has not evaluated it yet. If relations were built again before that, Blender (4.3)
+    armature that was played, and has not evaluated it yet. If relations were built again before that, Blender (4.3)
     would follow addresses in copies that it has not made, and crash."""
     return any(not block.evaluated_get(graph).name for block in blocks)  # as long as there is nothing in the copy
 

@@ -48,7 +48,7 @@ FAST_STRIPS = "Fast path of data with NLA strips"
 FAST_TWEAKS = "Fast path while a strip is tweaked"
 FAST_CORRECTIVE = "Fast path of Corrective Smooth"
 FAST_SMOOTH = "Fast path of Smooth"
-FREEZING = "Native and recorded rigs"
+PLAYING = "Native and recorded rigs"
 CONSTRAINTS = "Animated constraints of native rigs"
 POSED = "Edits of native rigs"
 NUMBERS = "Numbers of bones"
@@ -160,7 +160,7 @@ FEATURES = {
         (FAST,),
     ),
     FAST_SMOOTH: Feature("the settings of Smooth are read on each frame", "SmoothModifierData", (FAST,)),
-    FREEZING: Feature(
+    PLAYING: Feature(
         "no rig is native or recorded",
         "ID.us AnimData.*action AnimData.nla_tracks ListBase ChannelDriver.expression ChannelDriver.*expr_simple "
         "ChannelDriver.type bPoseChannel_Runtime BezTriple FCurve.flag FCurve.*bezt FCurve.*fpt "
@@ -173,14 +173,14 @@ FEATURES = {
         "a native rig whose constraints' influence or mute is keyed is Blender's while it is selected; what is driven "
         "of them shows only then",
         "bConstraint.enforce bConstraint.flag",
-        (FREEZING,),
+        (PLAYING,),
         "the influence and mute of a constraint",
     ),
     POSED: Feature(
         "after each edit of its pose or its keyframes, all of a native rig is read again, which takes longer",
         "bPoseChannel.*next bPoseChannel.constraints bConstraint bArmatureConstraint bConstraintTarget ListBase.*first "
         "Bone.*bbone_prev Bone.*bbone_next " + " ".join(members.CONSTRAINTS.values()),
-        (EDITIONS, DRIVERS, FREEZING),
+        (EDITIONS, DRIVERS, PLAYING),
         "where a bone's constraints are, and the type of the first",
     ),
     NUMBERS: Feature(
@@ -198,14 +198,14 @@ FEATURES = {
     FOLLOWING: Feature(
         "a rig that follows objects with keyframes stays Blender's",
         "bConstraint DriverVar.num_targets DriverTarget.*id " + " ".join(members.CONSTRAINTS.values()),
-        (FREEZING,),
+        (PLAYING,),
         "the objects that a constraint follows, and how many a variable of a driver reads",
     ),
     MOVING: Feature(
         "a rig whose armature object, or a parent of it, has keyframes stays Blender's",
         "Object.place Object.*parent Object.transflag Object.rotmode Object.parentinv "
         + " ".join(f"Object.{name}" for own in members.PLACE_CHANNELS.values() for name in own),
-        (FREEZING, FAST_ARMATURES),
+        (PLAYING, FAST_ARMATURES),
         "channels, matrix, inverse and mirroring of an object",
     ),
 }

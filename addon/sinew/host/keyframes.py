@@ -84,6 +84,6 @@ def read(curves: Sequence[Any]) -> Any:
             curve.keyframe_points.foreach_get("co", wanted)
             path = curve.data_path.encode() + b"\0"
             if not (np.array_equal(wanted[::2], found.frames(number)) and found.settings(number).startswith(path)):
-                raise contract.distrust(features.FREEZING, "keyframes are not where they were")
+                raise contract.distrust(features.PLAYING, "keyframes are not where they were")
             proof.give("keyframes")
     return found

@@ -67,7 +67,7 @@ def mark_copy(copy: Any) -> None:
     if proof.is_due("users"):
         original = copy.original
         if _users(original).value != original.users or _users(copy).value not in (0, _SEEN):
-            raise contract.distrust(features.FREEZING, "the number of users is not where it was")
+            raise contract.distrust(features.PLAYING, "the number of users is not where it was")
         proof.give("users")
     _users(copy).value = _SEEN
 

@@ -257,7 +257,7 @@ def _prove(armature: Any) -> None:
 
 def _give(what: str, is_equal: bool, difference: str) -> None:
     if not is_equal:
-        raise contract.distrust(features.FREEZING, difference)
+        raise contract.distrust(features.PLAYING, difference)
     proof.give(what)
 
 

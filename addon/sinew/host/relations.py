@@ -45,8 +45,8 @@ class Rebuilding:
         self._early_handlers: list[Any] = []
 
     def __enter__(self) -> "Rebuilding":
-        if not contract.has(features.FREEZING):
-            raise contract.Broken(contract.why_not(features.FREEZING))
+        if not contract.has(features.PLAYING):
+            raise contract.Broken(contract.why_not(features.PLAYING))
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -65,7 +65,7 @@ class Rebuilding:
         strips, strips_size = contract.region(data, "AnimData", "nla_tracks")
         found = [contract.address_at(each) for each in (action, strips, strips + size)]
         if found != wanted:
-            raise contract.distrust(features.FREEZING, "actions are not where they were")
+            raise contract.distrust(features.PLAYING, "actions are not where they were")
         self._change(action, bytes(size))
         self._change(strips, bytes(strips_size))
 
@@ -111,14 +111,14 @@ class Rebuilding:
             return
         kind, size = contract.region(curve.driver, "ChannelDriver", "type")
         if ctypes.c_int32.from_address(kind).value != _TYPES[curve.driver.type]:
-            raise contract.distrust(features.FREEZING, "drivers have other types")
+            raise contract.distrust(features.PLAYING, "drivers have other types")
         place, length = contract.region(curve.driver, "ChannelDriver", "expression")
         parsed, _size = contract.region(curve.driver, "ChannelDriver", "*expr_simple")
         self._change(place, text.encode().ljust(length, b"\0"))
         self._change(kind, _TYPES["SCRIPTED"].to_bytes(size, "little"))
         if proof.is_due("drivers on each frame"):
             if (curve.driver.type, curve.driver.expression) != ("SCRIPTED", text):
-                raise contract.distrust(features.FREEZING, "drivers are not where they were")
+                raise contract.distrust(features.PLAYING, "drivers are not where they were")
             proof.give("drivers on each frame")
         # Another expression than its own, which is the driver's to free.
         self._change(parsed, _parsed(curve.driver, parsed).to_bytes(8, "little"))
@@ -258,7 +258,7 @@ def _parsed(driver: Any, place: int) -> int:
         found = contract.address_at(place)
         ctypes.c_uint64.from_address(place).value = own
         if not found:
-            raise contract.distrust(features.FREEZING, "expressions are not parsed where they were")
+            raise contract.distrust(features.PLAYING, "expressions are not parsed where they were")
         _parsed_kinds[kind] = found
     return _parsed_kinds[kind]
 

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ..blender import meshes, values
-from ..played import computing, elsewhere, followers, freezing, playing, recording, records, rigs
+from ..played import computing, elsewhere, followers, playing, recording, records, rigs, states
 
 SECONDS = 0.3  # after which no other frame is evaluated elsewhere
 MOST_FACES = 2_000_000  # of a mesh that is shown as a ghost
@@ -90,7 +90,7 @@ class Skins:
 
 def show(rig: rigs.Rig) -> None:
     """Keeps the shapes of a character from now on."""
-    freezing.keep_records(rig)
+    states.keep_records(rig)
     rig.motion.skins = rig.motion.skins or Skins()
     _find_objects(rig)
 
@@ -125,12 +125,12 @@ def keep_now(scene: Any, layer: Any) -> None:
 def fill(scene: Any, frames: Iterable[int]) -> bool:
     """Keeps the shapes of some frames that were never played, of characters whose rigs are computed: Blender evaluates
     them elsewhere, in this order, until so much time has passed that the next call should go on. Call it in the main
-    thread, outside an evaluation. Returns whether it has, so that freezing.keep_frozen has to follow."""
+    thread, outside an evaluation. Returns whether it has, so that states.keep_played has to follow."""
     is_any, began = False, perf_counter()
     for rig in shown():
         lacking = [frame for frame in frames if recording.lacks(rig, frame)]
         objects = [rig.ob, *filter(rigs.is_alive, rig.motion.skins.objects)]
-        if not lacking or not (rig.is_frozen and rig.source.is_proven and rig.home.scene == scene):
+        if not lacking or not (rig.is_played and rig.source.is_proven and rig.home.scene == scene):
             continue
         if any(map(followers.is_simulated, objects)) or elsewhere.animated(objects, scene) is None:
             continue

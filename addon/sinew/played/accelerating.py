@@ -1,4 +1,4 @@
-"""Accelerates the rigs of bound meshes: those that can be computed are frozen although nobody has asked for it, as long
+"""Accelerates the rigs of bound meshes: those that can be computed are played although nobody has asked for it, as long
 as nothing is edited. Such a rig looks and is posed as if it were live; one that cannot be computed stays Blender's.
 
 To read a large rig takes 0.05 s. So it is done while the user does nothing, one rig after the other. In the background,
@@ -10,7 +10,7 @@ from ..blender import armatures, dependencies
 from ..description import reading
 from ..host import contract, features
 from ..run import characters
-from . import changes, comparing, elsewhere, freezing, playing, reasons, resting, rigs
+from . import changes, comparing, elsewhere, playing, reasons, resting, rigs, states
 
 # A rig with less to compute costs less than what it takes to write its pose into Blender. A constraint or a driver
 # counts for as much as a bone.
@@ -31,7 +31,7 @@ def accelerate(scene: Any, layer: Any) -> None:
 def accelerate_unasked(scene: Any, graph: Any) -> None:
     """Accelerates the rigs in the background, in a handler after an evaluation. graph: what was evaluated; exporters
     have their own."""
-    if not (playing.is_busy() or freezing.keeps_live()) and graph == graph.view_layer.depsgraph:
+    if not (playing.is_busy() or states.keeps_live()) and graph == graph.view_layer.depsgraph:
         _accelerate(scene, graph.view_layer)
 
 
@@ -50,13 +50,13 @@ def end_rests() -> None:
 def rest_edited(layer: Any) -> None:
     """Has rigs that are not accelerated rest if somebody has edited them since the last evaluation. Call it before
     one."""
-    for ob in _worth(layer) if _can_freeze() else ():
+    for ob in _worth(layer) if _can_take_over() else ():
         if resting.is_edited(ob, layer.depsgraph):
             rigs.learn(ob).trial.rest.note_live(True, True)
 
 
-def _can_freeze() -> bool:
-    return reading.CAN_READ and contract.has(features.FREEZING)
+def _can_take_over() -> bool:
+    return reading.CAN_READ and contract.has(features.PLAYING)
 
 
 def step(scene: Any, layer: Any, number: int) -> bool:
@@ -69,11 +69,11 @@ def step(scene: Any, layer: Any, number: int) -> bool:
 
 
 def _step(scene: Any, layer: Any, number: int) -> bool:
-    if not _can_freeze() or rigs.whole_frame(scene) is None:
+    if not _can_take_over() or rigs.whole_frame(scene) is None:
         return False
     for rig in rigs.idle():
-        if not rig.is_frozen and rig.source.program is None and not rig.source.refusal:
-            freezing.read_ahead(rig)
+        if not rig.is_played and rig.source.program is None and not rig.source.refusal:
+            states.read_ahead(rig)
             return True
     own = [rigs.learn(ob) for ob in _found_by(number, layer)]
     own = [rig for rig in own if not rig.is_idle and (rig.trial.needs_program or not rig.is_wanted)]
@@ -88,31 +88,31 @@ def _step(scene: Any, layer: Any, number: int) -> bool:
     for rig in own:
         rig.trial.tries_to_skip = max(rig.trial.tries_to_skip - 1, 0)
     for rig in due:
-        freezing.want(rig, True)
+        states.want(rig, True)
         if not (rig.source.is_proven and rig.trust.is_posable):
             reasons.look_at_each([rig], scene, layer)
             _note(rig, not rig.reason, number)
             return True
         if not rig.source.compared:
             if comparing.compare(rig, scene):
-                freezing.keep_frozen(scene, layer)
+                states.keep_played(scene, layer)
             rig.reason = rig.source.refusal or ("" if rig.source.compared else _why_not_compared(rig, scene))
             _note(rig, bool(rig.source.compared), number)
             return True
     if due:
-        freezing.freeze(due, scene, layer)
+        states.take_over(due, scene, layer)
     for rig in due:
-        _note(rig, rig.is_frozen, number)
+        _note(rig, rig.is_played, number)
     return len(due) < len(own)
 
 
 def compare_more(scene: Any, layer: Any) -> bool:
     """Compares one of the rigs that are accelerated with Blender on more frames, while the user has done nothing for a
     while. Returns False if there is none left."""
-    for rig in rigs.frozen():
+    for rig in rigs.played():
         if rig.trial.needs_program and rig.source.is_proven and rig.home.scene == scene and not rig.source.is_compared:
             if comparing.compare(rig, scene, None):
-                freezing.thaw([rig] if rig.source.refusal else [], scene, layer)
+                states.hand_back([rig] if rig.source.refusal else [], scene, layer)
             return True
     return False
 

@@ -40,7 +40,7 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene, most_frames: int | None = MOS
     is no program. Nothing is compared while the armature, or what it follows, has been edited without a key, and no
     other frame if keyframes change anything else that it needs. most_frames: None for all for which there is time.
     Call it in the main thread, outside an evaluation. Returns whether Blender has evaluated, so that
-    freezing.keep_frozen has to follow."""
+    states.keep_played has to follow."""
     if evaluations.is_job_running():  # which would see the originals on other frames
         return False
     old, new = changes.tempo_of(scene)

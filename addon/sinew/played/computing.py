@@ -33,7 +33,7 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     """Reads the program of a live armature, which is proven if it computes what Blender shows on the scene's frame.
     found: what follows it, as followers.find returns it; users: as bpy.data.user_map returns them."""
     frame = rigs.whole_frame(scene)
-    is_live = not rig.is_frozen and rigs.evaluated_copy(rig, graph) is not None and rigs.moves(rig.ob)
+    is_live = not rig.is_played and rigs.evaluated_copy(rig, graph) is not None and rigs.moves(rig.ob)
     if frame is None or not is_live or not can_be(rig) or rig.ob.mode == "EDIT":
         return
     if rig.source.is_proven and rig.at(frame) is not None:

@@ -36,7 +36,7 @@ _LISTS = (
 
 @dataclass
 class Followers:
-    """What has to be evaluated on each frame while an armature is frozen."""
+    """What has to be evaluated on each frame while an armature is played."""
 
     hooked: list[Any] = field(default_factory=list)  # mesh objects with Sinew's hook
     placed: list[Any] = field(default_factory=list)  # objects that hang on bones, or are constrained to them
@@ -71,19 +71,19 @@ class Followers:
         return list(dict.fromkeys(block for block, _path, _index in self.driven if is_alive(block)))
 
 
-class NotFreezable(ValueError):
-    """An armature cannot be frozen. The message is a sentence that says why and, if possible, what to do."""
+class NotPlayable(ValueError):
+    """An armature cannot be played. The message is a sentence that says why and, if possible, what to do."""
 
 
-def find(rigs: Iterable[Any], users: dict[Any, set[Any]], graph: Any) -> dict[Any, "Followers | NotFreezable"]:
+def find(rigs: Iterable[Any], users: dict[Any, set[Any]], graph: Any) -> dict[Any, "Followers | NotPlayable"]:
     """Returns the followers of each original armature object in a graph, or the reason why they cannot all follow a
-    frozen one. users: as dependencies.Users.now returns them."""
-    found: dict[Any, Followers | NotFreezable] = {}
+    played one. users: as dependencies.Users.now returns them."""
+    found: dict[Any, Followers | NotPlayable] = {}
     outside_of = cache(dependencies.outside_of)
     for rig in rigs:
         try:
             found[rig] = _of(rig, users, graph, outside_of)
-        except NotFreezable as reason:
+        except NotPlayable as reason:
             found[rig] = reason
     return found
 
@@ -113,7 +113,7 @@ def _of(rig: Any, users: dict[Any, set[Any]], graph: Any, outside_of: Callable[[
         elif isinstance(user, bpy.types.Camera) and not getattr(user.dof, "focus_subtarget", ""):
             continue  # the armature's place is read when it is drawn
         elif not isinstance(user, (*_LISTS, bpy.types.Library)) and _is_evaluated(user, graph):
-            raise NotFreezable(f"{user.name} uses it in a way that Sinew does not know: remove that")
+            raise NotPlayable(f"{user.name} uses it in a way that Sinew does not know: remove that")
     if moves:
         groups |= _sort_moved(rig, found, users, graph)
     sorted_in = {*found.objects, rig}
@@ -123,7 +123,7 @@ def _of(rig: Any, users: dict[Any, set[Any]], graph: Any, outside_of: Callable[[
         found.shaped += [ob for ob in bpy.data.objects if ob.data in meshes and _is_evaluated(ob, graph)]
     _sort_simulations(found)
     if moves and found.is_simulated:
-        raise NotFreezable(_moves_and(rig, "a simulation follows it"))
+        raise NotPlayable(_moves_and(rig, "a simulation follows it"))
     data = [ob.data for ob in (*found.hooked, *found.shaped) if ob.data is not None]
     data += [each.shape_keys for each in data if getattr(each, "shape_keys", None) is not None]
     found.keys, found.copied = frozenset(map(values.key_of, found.objects)), [*found.objects, *data]
@@ -131,20 +131,20 @@ def _of(rig: Any, users: dict[Any, set[Any]], graph: Any, outside_of: Callable[[
 
 
 def _sort_simulations(found: Followers) -> None:
-    """Sorts out which of these objects are simulated. Raises NotFreezable if a simulation would be another one."""
+    """Sorts out which of these objects are simulated. Raises NotPlayable if a simulation would be another one."""
     for ob in found.objects:
         if any(each.type in _BETWEEN_FRAMES for each in ob.modifiers):
-            raise NotFreezable(f"{ob.name} is simulated, and its simulation needs its armature between frames")
+            raise NotPlayable(f"{ob.name} is simulated, and its simulation needs its armature between frames")
         cached = relations.simulations(ob)
         if not cached:
             continue
         if ob in found.placed:
-            raise NotFreezable(
+            raise NotPlayable(
                 f"{ob.name} hangs on bones, and its simulation would begin anew on each frame: let them deform it"
             )
         if ob in found.shaped:
             if not any(each.show_viewport and not _is_static(each) for each in cached):
-                raise NotFreezable(f"{ob.name} has hair or a simulation that is switched off: accelerate it, too")
+                raise NotPlayable(f"{ob.name} has hair or a simulation that is switched off: accelerate it, too")
             found.shaped.remove(ob)
             found.simulated.append(ob)
         found.is_simulated = True
@@ -189,17 +189,17 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any, outside_of: Callab
         if rig in outside_of(ob):
             is_parent = ob in dependencies.with_parents([rig]) and ob not in outside_of(rig)
             if is_parent:  # Blender evaluates the bones of its children with it
-                raise NotFreezable(f"{rig.name} is a child of {ob.name}, which follows its bones: parent it otherwise")
+                raise NotPlayable(f"{rig.name} is a child of {ob.name}, which follows its bones: parent it otherwise")
             has_keys = ob.animation_data and (ob.animation_data.action or ob.animation_data.nla_tracks)
             if has_keys:
                 found.keyframed += [ob, ob.data]
             else:
                 found.shaped.append(ob)
-        if _hangs_on(ob, rig):  # so that it cannot be frozen itself
+        if _hangs_on(ob, rig):  # so that it cannot be played itself
             found.placed.append(ob)
         return
     if ob.parent == rig and ob.parent_type == "ARMATURE":
-        raise NotFreezable(
+        raise NotPlayable(
             f"{ob.name} is deformed by its parent: use an Armature modifier (Object > Convert, or parent it with "
             "Armature Deform), which Sinew can follow"
         )
@@ -211,16 +211,16 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any, outside_of: Callab
         found.placed.append(ob)
         is_known = True
     if not is_known:
-        raise NotFreezable(f"{ob.name} uses it in a way that Sinew does not know: remove that")
+        raise NotPlayable(f"{ob.name} uses it in a way that Sinew does not know: remove that")
 
 
 def _sort_moved(rig: Any, found: Followers, users: dict[Any, set[Any]], graph: Any) -> set[Any]:
     """Sorts in what follows the place of an armature object that moves as a whole, and of what it carries. Returns the
-    node groups that read it. Raises NotFreezable."""
+    node groups that read it. Raises NotPlayable."""
     groups, queue, before = set(), [rig], len(found.placed)
     for moved in queue:
         if moved.field is not None and moved.field.type != "NONE":
-            raise NotFreezable(_moves_and(rig, f"{moved.name} is a force"))
+            raise NotPlayable(_moves_and(rig, f"{moved.name} is a force"))
         for user in sorted(users.get(moved, ()), key=lambda each: each.name_full):
             if isinstance(user, bpy.types.GeometryNodeTree):
                 groups.add(user)
@@ -229,27 +229,27 @@ def _sort_moved(rig: Any, found: Followers, users: dict[Any, set[Any]], graph: A
                     queue.append(user)
             elif not isinstance(user, (*_LISTS, bpy.types.Library, bpy.types.Camera, bpy.types.Object)):
                 if _is_evaluated(user, graph) and not (moved == rig and _drivers_on(user, rig)):
-                    raise NotFreezable(_moves_and(rig, f"{user.name} uses it"))
+                    raise NotPlayable(_moves_and(rig, f"{user.name} uses it"))
     count = len(found.placed) - before
     if count * BONES_FOR_A_TAG > len(rig.pose.bones):
-        raise NotFreezable(_moves_and(rig, f"{count} objects hang on it, which would take longer than its bones"))
+        raise NotPlayable(_moves_and(rig, f"{count} objects hang on it, which would take longer than its bones"))
     found.carried = queue[1:]
     return groups
 
 
 def _is_carried(rig: Any, ob: Any, moved: Any, found: Followers) -> bool:
     """Whether an object only hangs on one that moves, and is deformed on each frame; otherwise sorts it in. Raises
-    NotFreezable."""
+    NotPlayable."""
     is_child = ob.parent == moved and ob.parent_type == "OBJECT"
     if ob.type == "ARMATURE" and moved in dependencies.outside_of(ob):
-        raise NotFreezable(_moves_and(rig, f"bones of {ob.name} follow it"))
+        raise NotPlayable(_moves_and(rig, f"bones of {ob.name} follow it"))
     if is_child and ob.rigid_body is not None:
-        raise NotFreezable(_moves_and(rig, "a simulation follows it"))
+        raise NotPlayable(_moves_and(rig, "a simulation follows it"))
     if moved != rig and _drivers_on(ob, moved):
-        raise NotFreezable(_moves_and(rig, f"drivers of {ob.name} read {moved.name}"))
+        raise NotPlayable(_moves_and(rig, f"drivers of {ob.name} read {moved.name}"))
     if is_child and ob in found.hooked:
         if objects.why_not(ob) or any(rna_paths.moves_object(path) for path in animation.animated_paths(ob)):
-            raise NotFreezable(_moves_and(rig, f"{ob.name}, its child, moves by itself"))
+            raise NotPlayable(_moves_and(rig, f"{ob.name}, its child, moves by itself"))
         return True
     if ob in found.placed:
         return False
@@ -259,7 +259,7 @@ def _is_carried(rig: Any, ob: Any, moved: Any, found: Followers) -> bool:
         if any(moved in dependencies.pointers(each) or each.type == "NODES" for each in ob.modifiers):
             found.shaped += [ob] if ob not in (*found.hooked, *found.shaped) else []
         elif ob.parent != moved and moved not in dependencies.pointers(ob.sinew):
-            raise NotFreezable(_moves_and(rig, f"{ob.name} uses {moved.name}"))
+            raise NotPlayable(_moves_and(rig, f"{ob.name} uses {moved.name}"))
     return False
 
 
@@ -329,7 +329,7 @@ def moved_by_keys(rig: Any) -> list[Any]:
 
 
 def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
-    """Raises NotFreezable if an armature object follows one of these moving objects in another way than by constraints
+    """Raises NotPlayable if an armature object follows one of these moving objects in another way than by constraints
     and drivers, or if its place on each frame is not known from keyframes."""
     mixed: dict[Any, str] = {}
     known = set(followed)
@@ -350,10 +350,10 @@ def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
         elif not why and not contract.has(features.FOLLOWING):
             why = contract.why_not(features.FOLLOWING)
         if why:
-            raise NotFreezable(f"bones of {rig.name} follow {each.name}, outside of it, which may move: {why}")
+            raise NotPlayable(f"bones of {rig.name} follow {each.name}, outside of it, which may move: {why}")
     for constraint, _targets in constraints_on(rig, followed):
         if constraint.type not in members.CONSTRAINTS:
-            raise NotFreezable(
+            raise NotPlayable(
                 f'the constraint "{constraint.name}" of {rig.name} follows an object that may move: use a '
                 "constraint of another type"
             )
@@ -390,22 +390,22 @@ def _set_as_a_whole(rig: Any) -> list[str]:
 
 
 def check_place(rig: Any, layer: Any = None) -> None:
-    """Raises NotFreezable if an armature object may move as a whole while nobody edits it. layer: a view layer in which
+    """Raises NotPlayable if an armature object may move as a whole while nobody edits it. layer: a view layer in which
     keyframes, its own or its parents', may move it; None: these neither."""
     own = _set_as_a_whole(rig)
     if layer is not None and contract.has(features.MOVING) and not objects.why_not(rig):
         own = [path for path in own if not rna_paths.moves_object(path)]
     if own:
-        raise NotFreezable(
+        raise NotPlayable(
             f"{rig.name} itself is animated ({listed(sorted({*map(spoken_paths.spoken, own)}))}), not only its bones: "
             "animate its root bone instead"
         )
     if dependencies.constraints_of(rig):
-        raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
+        raise NotPlayable(f"{rig.name} itself has constraints: constrain its root bone instead")
     if layer is None or not _hangs_on_what_is_keyed(rig, layer):
         check_parent(rig)
     if rig.rigid_body is not None:
-        raise NotFreezable(f"{rig.name} is simulated: remove its rigid body")
+        raise NotPlayable(f"{rig.name} is simulated: remove its rigid body")
 
 
 def _hangs_on_what_is_keyed(rig: Any, layer: Any) -> bool:
@@ -416,12 +416,12 @@ def _hangs_on_what_is_keyed(rig: Any, layer: Any) -> bool:
 
 
 def check_parent(rig: Any) -> None:
-    """Raises NotFreezable if an armature object may move because of its parent."""
+    """Raises NotPlayable if an armature object may move because of its parent."""
     if rig.parent is not None and rig.parent.type == "ARMATURE" and rig.parent_type == "OBJECT":
         check_place(rig.parent)
     elif rig.parent is not None and not_still([rig.parent], rig):
         moving = f"{rig.name} is a child of {rig.parent.name}, which moves or may move"
-        raise NotFreezable(f"{moving}: clear the parent, and animate the root bone")
+        raise NotPlayable(f"{moving}: clear the parent, and animate the root bone")
 
 
 def listed(names: list[str]) -> str:
@@ -461,11 +461,11 @@ def _exists(block: Any, path: str) -> bool:
 
 
 def _add_driven(block: Any, curve: Any, name: str, rig: Any, found: Followers) -> None:
-    """Takes note of a driver that reads an armature. name: of the data-block, for people. Raises NotFreezable."""
+    """Takes note of a driver that reads an armature. name: of the data-block, for people. Raises NotPlayable."""
     try:
         relations.on_each_frame(curve.driver)
     except ValueError as reason:
-        raise NotFreezable(
+        raise NotPlayable(
             f"the driver of {spoken_paths.spoken(curve.data_path)} of {name} reads it, and {reason}: rewrite it"
         ) from None
     found.driven.append((block, curve.data_path, curve.array_index))

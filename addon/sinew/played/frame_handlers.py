@@ -1,4 +1,4 @@
-"""Blender's callbacks for frozen armatures."""
+"""Blender's callbacks for played armatures."""
 
 import logging
 from time import perf_counter
@@ -10,10 +10,10 @@ from bpy.app.handlers import persistent
 from ..feedback import notice
 from ..host import contract, evaluations, relations
 from ..main import callbacks
-from . import accelerating, computing, freezing, playing, rigs
+from . import accelerating, computing, playing, rigs, states
 
 log = logging.getLogger("sinew")
-SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to freeze again what is wanted frozen
+SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to take over again what is wanted played
 LOOKS_BEFORE_COMPARING = 10  # without anything to do
 _tried = (0, False)  # the number of evaluations at the last attempt, and whether the scene played
 _has_accelerated = False  # all that can be done without another evaluation
@@ -35,10 +35,10 @@ def _guarded(function: Any, *arguments: Any) -> None:
     try:
         function(*arguments)
     except contract.Broken:  # the panel says so
-        freezing.melt_all()
+        states.melt_all()
     except Exception:
         log.exception("the rigs cannot be played, so they are Blender's again")
-        freezing.melt_all()
+        states.melt_all()
 
 
 @persistent
@@ -87,7 +87,7 @@ def after_load(*_: Any) -> None:
 
 @persistent
 def after_undo(*_: Any) -> None:
-    freezing.find_again()
+    states.find_again()
     accelerating.forget()
 
 
@@ -96,21 +96,21 @@ def is_dragging(window: Any) -> bool:
     return any(each.bl_idname.startswith(DRAGS) for each in getattr(window, "modal_operators", ()))
 
 
-def freeze_again() -> float:
-    """Freezes again what is wanted frozen and is not selected, as a timer. While the scene plays only what was thawed
-    together with another one, which takes one building of relations; during a drag nothing. If nothing has been
-    evaluated since the last call, accelerates rigs. Returns the seconds until the next call."""
+def take_over_again() -> float:
+    """Takes over again what is wanted played and is not selected, as a timer. While the scene plays only what was
+    handed back together with another one, which takes one building of relations; during a drag nothing. If nothing has
+    been evaluated since the last call, accelerates rigs. Returns the seconds until the next call."""
     global _tried, _has_accelerated, _looks, _paused_until
     context = bpy.context
     if context.window is not None and is_dragging(context.window):
         return SECONDS_BETWEEN_LOOKS
-    if context.window is None or evaluations.is_job_running() or freezing.keeps_live():
+    if context.window is None or evaluations.is_job_running() or states.keeps_live():
         _tried = (-1, False)  # what has to wait for a job is tried after it
         return SECONDS_BETWEEN_LOOKS
     is_playing = context.screen.is_animation_playing
     if _tried != (playing.evaluation_count(), is_playing):
         try:
-            freezing.freeze_again(context.scene, context.view_layer, is_playing)
+            states.take_over_again(context.scene, context.view_layer, is_playing)
         except Exception:
             log.exception("no rig could be played again")
         _tried, _has_accelerated, _looks = (playing.evaluation_count(), is_playing), False, 0
@@ -160,13 +160,13 @@ HANDLERS = (
 def register() -> None:
     callbacks.add(HANDLERS)
     callbacks.add(LAST_HANDLERS, is_last=True)
-    callbacks.start(freeze_again)
+    callbacks.start(take_over_again)
 
 
 def unregister() -> None:
-    callbacks.stop(freeze_again)
+    callbacks.stop(take_over_again)
     callbacks.remove((*HANDLERS, *LAST_HANDLERS))
-    freezing.melt_all()
+    states.melt_all()
     rigs.forget()
     computing.forget()
     relations.release()

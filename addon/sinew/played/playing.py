@@ -1,4 +1,4 @@
-"""Plays the records of frozen armatures before each evaluation, and checks the result after it."""
+"""Plays the records of played armatures before each evaluation, and checks the result after it."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import bpy
 from ..blender import dependencies
 from ..host import contract, features, poses
 from ..run import mail
-from . import changes, computing, differences, freezing, resting, rigs, watch
+from . import changes, computing, differences, resting, rigs, states, watch
 
 _evaluations = 0  # that handlers have seen
 
@@ -26,45 +26,45 @@ def evaluation_count() -> int:
 def is_busy() -> bool:
     """Whether handlers should do nothing: this package has Blender evaluate, or the call is not from the main
     thread."""
-    return freezing.is_building() or not mail.is_main_thread()
+    return states.is_building() or not mail.is_main_thread()
 
 
 def _has_work() -> bool:
     if not rigs.has_any() or is_busy():
         return False
-    if not contract.has(features.FREEZING):  # which may have been found out by something else
+    if not contract.has(features.PLAYING):  # which may have been found out by something else
         if rigs.idle():
-            freezing.melt_all()
+            states.melt_all()
         return False
     return True
 
 
 def before_evaluation(scene: Any, is_new_frame: bool) -> None:
-    """Writes the recorded poses of the scene's frame, or thaws what cannot be shown from its record. What another scene
-    shows waits for its own evaluation: if relations were built again before that of a scene which was just made,
+    """Writes the recorded poses of the scene's frame, or hands back what cannot be shown from its record. What another
+    scene shows waits for its own evaluation: if relations were built again before that of a scene which was just made,
     Blender (4.3) would crash, see evaluations.are_new."""
     if not _has_work():
         return
-    freezing.follow_tracks(scene)
+    states.follow_tracks(scene)
     changes.look_at_actions(rigs.idle())
     if watch.is_waiting():
         for graph in rigs.graphs(rigs.known()):
             changes.expect_no_more(rigs.at_home(graph), graph)
-    frozen: dict[int, list[rigs.Rig]] = {}  # by view layer
+    played: dict[int, list[rigs.Rig]] = {}  # by view layer
     for rig in rigs.known():
         if rig.trial.rest.left and rig.graph() is not None:
             rig.trial.rest.note_live(resting.is_edited(rig.ob, rig.graph()), is_new_frame)
         if rig.is_idle:
-            frozen.setdefault(rig.home.layer, []).append(rig)
+            played.setdefault(rig.home.layer, []).append(rig)
         elif rig.motion.watch is None and is_new_frame:
             if rig.graph() is None:
                 layers = [each for each in scene.view_layers if rigs.evaluated_copy(rig, each.depsgraph) is not None]
                 if layers:
                     rig.live_in(scene, bpy.context.view_layer if bpy.context.view_layer in layers else layers[0])
-    for own in frozen.values():
+    for own in played.values():
         graph = own[0].graph()
         if graph is None:
-            freezing.melt_all()
+            states.melt_all()
         elif graph.scene == scene:
             _play(own, graph, is_new_frame)
 
@@ -77,24 +77,24 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
         if rig.noticed.animation != rigs.animation_of(rig.ob):
             changes.drop_all(rig)
             reasons[rig.key] = f"the animation of {rig.name} was edited"
-        elif rig.is_frozen:
+        elif rig.is_played:
             why = _look(rig, graph, frame, is_new_frame)
             if why:
                 reasons[rig.key] = why
-        if not rig.is_frozen:
-            if freezing.is_moved_unseen(rig, graph):
+        if not rig.is_played:
+            if states.is_moved_unseen(rig, graph):
                 reasons[rig.key] = f"{rig.name} was edited"
-            freezing.look_at_keys(rig, graph, is_new_frame)
+            states.look_at_keys(rig, graph, is_new_frame)
     anew = {rig.ob for rig in own if rig.shown.frame is None}
-    posed = [rig for rig in own if not rig.is_frozen] if anew else []
+    posed = [rig for rig in own if not rig.is_played] if anew else []
     reached = dependencies.reaching((rig.ob for rig in posed), dependencies.leaders_of, anew.__contains__)
     for rig in posed:
         if rig.ob in reached:
             rig.shown.frame = None
-    own = [rig for rig in own if rig.is_frozen or rig.shown.frame is None or rig.shown.frame != frame]
+    own = [rig for rig in own if rig.is_played or rig.shown.frame is None or rig.shown.frame != frame]
     if not reasons:
-        posed = [rig for rig in own if not rig.is_frozen]
-        reasons = freezing.resume(posed, graph) if posed else {}
+        posed = [rig for rig in own if not rig.is_played]
+        reasons = states.resume(posed, graph) if posed else {}
         computing.fill(own, frame)
     for rig in own:
         if rig.at(frame) is None:
@@ -107,18 +107,18 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
         if is_new_frame:
             computing.look_ahead(own, frame)
     if reasons:
-        freezing.melt(graph, reasons)
+        states.melt(graph, reasons)
     for rig in everyone:
         rig.noticed.asks_for_keys = False
 
 
 def _look(rig: rigs.Rig, graph: Any, frame: float, is_new_frame: bool) -> str:
-    """Finds out whether a frozen armature was edited. Returns why it cannot stay frozen, or POSED, or ""."""
+    """Finds out whether a played armature was edited. Returns why it cannot stay played, or POSED, or ""."""
     rig.motion.has_edited_keys |= rig.motion.watch is not None and rig.motion.watch.are_keys_tagged(graph)
     changes.compare_keys(rig, graph)
     have_keys_changed = rig.trust.is_posable and rig.at(frame) is None and not rig.source.is_proven
     if have_keys_changed or rig.motion.watch is None or rig.motion.watch.is_tagged(graph, is_new_frame):
-        return "" if freezing.pose(rig) else f"{rig.name} was edited"
+        return "" if states.pose(rig) else f"{rig.name} was edited"
     if rig.motion.tempo != changes.tempo_of(rig.home.scene):
         return f"{rig.home.scene.name} plays at another speed than when {rig.name} was recorded: press Record"
     return ""
@@ -130,7 +130,7 @@ def _moved_by_others(rig: rigs.Rig) -> str:
 
 
 def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: bool) -> list[rigs.Rig]:
-    """Shows a recorded frame of frozen armatures. Returns those whose bones are not as they were left."""
+    """Shows a recorded frame of played armatures. Returns those whose bones are not as they were left."""
     shown = [rig for rig in own if rig.shown.frame == frame] if is_new_frame else []
     lacking = [rig for rig, is_left in zip(shown, rigs.are_left(graph, shown)) if not is_left]
     for rig in own:
@@ -165,10 +165,10 @@ def _tag_followers(rig: rigs.Rig, graph: Any) -> None:
 
 
 def _compare_in(graph: Any, scene: Any) -> None:
-    """Compares what is computed of frozen armatures with what Blender has evaluated in another graph, such as that of a
+    """Compares what is computed of played armatures with what Blender has evaluated in another graph, such as that of a
     render."""
     time, differing = rigs.time_of(scene), []
-    for rig in rigs.frozen():
+    for rig in rigs.played():
         home, copy = rig.graph(), rigs.evaluated_copy(rig, graph)
         if (
             copy is None
@@ -194,11 +194,11 @@ def _compare_in(graph: Any, scene: Any) -> None:
     for rig, difference in differing:  # not before: to drop one may drop others
         reasons[rig.key] = differences.note(rig, difference)
     for home in rigs.graphs(rig for rig, _difference in differing):
-        freezing.melt(home, reasons)
+        states.melt(home, reasons)
 
 
 def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
-    """Checks what an evaluation has made of frozen armatures, and records those that are live."""
+    """Checks what an evaluation has made of played armatures, and records those that are live."""
     if not _has_work():
         return
     if graph != graph.view_layer.depsgraph:
@@ -211,7 +211,7 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
             rig.clear()
             rig.live_in(scene, graph.view_layer)
             own.append(rig)
-    freezing.settle(graph)
+    states.settle(graph)
     for rig in own:
         if rig.is_idle and (
             not rigs.is_without_keys(rig, graph) or is_new_frame and rigs.is_moved_by_objects(rig, graph)
@@ -221,30 +221,30 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
             if rig.trust.is_posable:  # or edited it may be
                 changes.drop_all(rig)
             else:
-                watch.expect_thaw(graph, rig)
+                watch.expect_hand_back(graph, rig)
     changes.look(own, graph)
     watch.expect_no_more(graph)
     for rig in own:
-        if rig.is_idle and not rig.is_frozen:
-            freezing.note_posed(rig, graph)
-        if not rig.is_frozen or rig.key in reasons:
+        if rig.is_idle and not rig.is_played:
+            states.note_posed(rig, graph)
+        if not rig.is_played or rig.key in reasons:
             continue
         if rig.motion.watch is None:
             if is_new_frame:  # by a handler, before Blender would have evaluated its keyframes: these win
                 rig.shown.frame = None
-            if is_new_frame or not freezing.pose(rig):
+            if is_new_frame or not states.pose(rig):
                 reasons[rig.key] = f"{rig.name} was edited"
         elif rig.shown.frame != frame or not rigs.is_left_by(rig, graph):
             reasons[rig.key] = _moved_by_others(rig)
         else:
             rig.motion.watch.note(graph)
     if reasons:
-        freezing.melt(graph, reasons)
-    freezing.select(graph)
+        states.melt(graph, reasons)
+    states.select(graph)
     if reasons:
         return
     if is_new_frame:
         changes.record([rig for rig in own if not rig.is_idle], scene, graph)
     for rig in own:
-        if rig.motion.skins is not None and not rig.is_frozen:
+        if rig.motion.skins is not None and not rig.is_played:
             changes.compare_keys(rig, graph)

@@ -12,14 +12,14 @@ from ..description import driver_rows, rna_paths
 from ..host import relations
 from ..run import characters
 from . import changes, computing, differences, followers, leading, rigs
-from .followers import NotFreezable
+from .followers import NotPlayable
 
 
-def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, rigs.Rig]:
-    """Returns those of these armatures that can be frozen now, by key. `reason` of the others says why not."""
+def playable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, rigs.Rig]:
+    """Returns those of these armatures that can be played now, by key. `reason` of the others says why not."""
     needed = look_at_each(chosen.values(), scene, layer)
     lacking = True
-    while lacking:  # one follows another, which cannot be frozen
+    while lacking:  # one follows another, which cannot be played
         lacking = False
         for key, needs in list(needed.items()):
             live = next((each for each in needs if values.key_of(each) not in needed), None)
@@ -31,7 +31,7 @@ def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, 
 
 
 def look_at_each(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> dict[int, list[Any]]:
-    """Returns the other armatures on which each of these depends that can be frozen beside them, by key. `reason` of
+    """Returns the other armatures on which each of these depends that can be played beside them, by key. `reason` of
     the others says why not."""
     own = list(own)
     needed = _look_at_each(own, scene, layer)
@@ -68,7 +68,7 @@ def _look_at_each(own: list[rigs.Rig], scene: Any, layer: Any) -> dict[int, list
         try:
             needs = check(rig.ob, layer)
             rig.reason = _why_not(rig, found[rig.ob], users, scene, layer)
-        except NotFreezable as reason:
+        except NotPlayable as reason:
             rig.reason = str(reason)
         if not rig.reason:
             needed[rig.key] = needs
@@ -76,9 +76,9 @@ def _look_at_each(own: list[rigs.Rig], scene: Any, layer: Any) -> dict[int, list
 
 
 def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str:
-    """Reads the program of a rig if there may be one. Returns why it cannot be frozen, or "". own: what follows it, as
+    """Reads the program of a rig if there may be one. Returns why it cannot be played, or "". own: what follows it, as
     followers.find returns it."""
-    if isinstance(own, NotFreezable):
+    if isinstance(own, NotPlayable):
         return f"{rig.name} stays Blender's: {own}"
     _drop_what_is_wrong(rig, scene, layer)
     computing.prove(rig, own, users, scene, layer.depsgraph)
@@ -106,7 +106,7 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
 
 
 def why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:
-    """Returns why an armature whose record is right cannot be frozen now, as a sentence; "" if it can."""
+    """Returns why an armature whose record is right cannot be played now, as a sentence; "" if it can."""
     frame = rigs.whole_frame(scene)
     if frame is None:
         return f"{rig.name} is Blender's between two frames: only whole frames are recorded"
@@ -127,7 +127,7 @@ def _unkeyed(rig: rigs.Rig, bone: str) -> str:
 
 
 def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
-    """Returns why an armature is not frozen that is only if it can be computed, as a sentence."""
+    """Returns why an armature is not played that is only if it can be computed, as a sentence."""
     if rig.source.refusal:
         return rig.source.refusal
     unknown = next((each.rig.name for each in rig.source.leaders if not each.rig.source.is_proven), "")
@@ -161,9 +161,9 @@ def being_edited(rig: Any) -> str:
 
 
 def _drop_what_is_wrong(rig: rigs.Rig, scene: Any, layer: Any) -> None:
-    """Drops what of the record of an armature does not hold in a view layer, in which it is frozen from now on."""
+    """Drops what of the record of an armature does not hold in a view layer, in which it is played from now on."""
     graph = layer.depsgraph
-    if rigs.evaluated_copy(rig, graph) is None or rig.is_frozen and rig.graph() == graph:
+    if rigs.evaluated_copy(rig, graph) is None or rig.is_played and rig.graph() == graph:
         return
     if rig.graph() != graph:
         _move(rig, scene, layer)
@@ -177,8 +177,8 @@ def _drop_what_is_wrong(rig: rigs.Rig, scene: Any, layer: Any) -> None:
 
 
 def _move(rig: rigs.Rig, scene: Any, layer: Any) -> None:
-    """Records and freezes an armature in another view layer from now on. Of the same scene it keeps its record, unless
-    something was edited: the pose does not depend on the view layer, as far as this frame shows."""
+    """Records and takes over an armature in another view layer from now on. Of the same scene it keeps its record,
+    unless something was edited: the pose does not depend on the view layer, as far as this frame shows."""
     before = rig.graph()
     is_kept = rig.motion.watch is not None and before is not None and rig.home.scene == scene
     if is_kept and not changes.look([rig], before) and not rig.motion.watch.is_tagged(before, True):
@@ -191,7 +191,7 @@ def _move(rig: rigs.Rig, scene: Any, layer: Any) -> None:
 
 def unkeyed_bone(rig: rigs.Rig, scene: Any) -> str:
     """Returns the name of a bone that is not where the keyframes put it, or ""."""
-    path = "" if rig.is_frozen else computing.unkeyed_path(rig, scene.frame_current_final)
+    path = "" if rig.is_played else computing.unkeyed_path(rig, scene.frame_current_final)
     name, separator, _channel = path.removeprefix('pose.bones["').partition('"].')
     return bpy.utils.unescape_identifier(name) if separator else ""
 
@@ -212,26 +212,26 @@ def prepare(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
 
 
 def check(rig: Any, layer: Any) -> list[Any]:
-    """Raises NotFreezable if the pose of an original armature object is not a function of the frame that can be played
+    """Raises NotPlayable if the pose of an original armature object is not a function of the frame that can be played
     in a view layer, whatever follows it. Returns the other armature objects on which the pose depends."""
     data, outside = rig.animation_data, dependencies.outside_of(rig)
     moving = followers.moving(rig, outside)
     is_keyed = data is not None and (data.action is not None or any(track.strips for track in data.nla_tracks))
     if not is_keyed and not rigs.moves(rig):
-        raise NotFreezable(f"{rig.name} has no keyframes: key a pose")
+        raise NotPlayable(f"{rig.name} has no keyframes: key a pose")
     if data is not None and data.use_tweak_mode:
-        raise NotFreezable(f"an NLA strip of {rig.name} is being edited: leave its tweak mode first")
+        raise NotPlayable(f"an NLA strip of {rig.name} is being edited: leave its tweak mode first")
     if rig.mode not in ("OBJECT", "POSE") or rig.data.is_editmode:
-        raise NotFreezable(being_edited(rig))
+        raise NotPlayable(being_edited(rig))
     followers.check_place(rig, layer)
     if animation.keyed_curves(rig.data):
-        raise NotFreezable(f"the armature {rig.data.name} itself has keyframes, not only its bones: remove those")
+        raise NotPlayable(f"the armature {rig.data.name} itself has keyframes, not only its bones: remove those")
     if rig.pose.ik_solver == "ITASC":
-        raise NotFreezable(
+        raise NotPlayable(
             f"{rig.name} uses the iTaSC solver, whose result depends on the frames before: choose Standard"
         )
     if clip_store.has_poses(rig.data) and _plays_clip(rig):
-        raise NotFreezable(
+        raise NotPlayable(
             f"{rig.name} plays the poses of an imported rig, which costs little: there is nothing to gain"
         )
     for curve in dependencies.drivers_of_both(rig):
@@ -239,7 +239,7 @@ def check(rig: Any, layer: Any) -> list[Any]:
     for bone in rig.pose.bones:
         timed = next((each for each in dependencies.constraints_of(bone) if each.type in followers.TIMED), None)
         if timed is not None:
-            raise NotFreezable(
+            raise NotPlayable(
                 f'the constraint "{timed.name}" of the bone "{bone.name}" of {rig.name} is of the type '
                 f"{values.choice_name(timed, 'type')}, which Sinew cannot follow: bake it into keyframes"
             )
@@ -257,14 +257,14 @@ def _check_driver(rig: Any, curve: Any) -> None:
         words = "depsgraph" if _may_be_quiet(rig, curve) else "frame|depsgraph"
         has_word = re.search(rf"\b({words})\b", driver.expression)
         if has_word or not driver_rows.reads_variables_only(driver):
-            raise NotFreezable(
+            raise NotPlayable(
                 f"the driver of {spoken_paths.spoken(curve.data_path)} of {rig.name} depends on more than its "
                 f"variables ({driver.expression}): use these alone"
             )
     for variable in driver.variables:
         for target in variable.targets:
             if variable.type == "CONTEXT_PROP" or target.id is not None and not _may_be_read(rig, target.id):
-                raise NotFreezable(
+                raise NotPlayable(
                     f"the driver of {spoken_paths.spoken(curve.data_path)} of {rig.name} reads "
                     f"{getattr(target.id, 'name', 'the scene')}, which may change on each frame: let it read an object"
                 )

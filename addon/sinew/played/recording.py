@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from . import comparing, freezing, reasons, rigs
+from . import comparing, reasons, rigs, states
 
 
 def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
@@ -57,20 +57,20 @@ def steps(
     with changes that playing would lose are left out."""
     layer.update()  # what was edited just now is dropped from the records
     now, own = rigs.whole_frame(scene), [rigs.learn(each) for each in armatures]
-    freezing.settle(layer.depsgraph)
+    states.settle(layer.depsgraph)
     for rig in own:
-        freezing.keep_records(rig)
+        states.keep_records(rig)
     reasons.prepare(own, scene, layer)
     for rig in own:
         rig.reason = reasons.why_live(rig, scene, layer) if reasons.unkeyed_bone(rig, scene) else ""
     own = [rig for rig in own if not rig.reason]
     for rig in own:
         if rig.source.is_proven and not rig.source.compared and comparing.compare(rig, scene):
-            freezing.keep_frozen(scene, layer)
+            states.keep_played(scene, layer)
     wanted = [rig for rig in own if rig.is_wanted]
     lacking = {rig.key: _to_play(rig, scene, now) for rig in own}
     frames = sorted({frame for each in lacking.values() for frame in each})
-    freezing.thaw([rig for rig in own if lacking[rig.key] and not rig.source.is_proven], scene, layer)
+    states.hand_back([rig for rig in own if lacking[rig.key] and not rig.source.is_proven], scene, layer)
     frame, subframe = scene.frame_current, scene.frame_subframe
     try:
         for number, each in enumerate(frames):
@@ -80,7 +80,7 @@ def steps(
         if frames:
             scene.frame_set(frame, subframe=subframe)
         for rig in wanted:
-            freezing.want(rig)
+            states.want(rig)
 
 
 def _to_play(rig: rigs.Rig, scene: bpy.types.Scene, now: int | None) -> list[int]:

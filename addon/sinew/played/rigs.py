@@ -1,4 +1,4 @@
-"""The armatures that are recorded or frozen, and what is recorded of them."""
+"""The armatures that are recorded or played, and what is recorded of them."""
 
 import contextlib
 import enum
@@ -24,11 +24,11 @@ store: records.Store = records.Store(DEFAULT_LIMIT * records.MEGABYTE)
 
 
 class State(enum.Enum):
-    """See freezing.py, which alone changes it."""
+    """See states.py, which alone changes it."""
 
     LIVE = enum.auto()
     WANTED = enum.auto()
-    FROZEN = enum.auto()
+    PLAYED = enum.auto()
     POSED = enum.auto()
     SUSPECT = enum.auto()
 
@@ -110,7 +110,7 @@ class Trust:
 class Trial:
     """How an armature is played that nobody has asked to record, see accelerating.py."""
 
-    needs_program: bool = False  # it is wanted frozen only if it is computed
+    needs_program: bool = False  # it is wanted played only if it is computed
     tries: int = 0
     tries_to_skip: int = 0
     tried_at: int = 0
@@ -119,12 +119,12 @@ class Trial:
 
 @dataclass(slots=True)
 class Noticed:
-    """What was seen of an armature at the last look, or when it was frozen."""
+    """What was seen of an armature at the last look, or when it was played."""
 
     is_selected: bool = False  # it was, or something of it, at the last look
     tracks: list[tuple[bool, bool]] = field(default_factory=list)  # as returned by tracks_of, at the last look
-    animation: Any = None  # as returned by animation_of, when it was frozen
-    actions: list[Any] = field(default_factory=list)  # that Blender had evaluated when it was frozen
+    animation: Any = None  # as returned by animation_of, when it was played
+    actions: list[Any] = field(default_factory=list)  # that Blender had evaluated when it was played
     asks_for_keys: bool = False  # one of these was edited so that Blender would evaluate keyframes on this frame
     unseen: list[Any] = field(default_factory=list)  # what it follows, if relations were built without some of it
     hangs_unseen: bool = False  # relations were built without its parent, which moves
@@ -140,7 +140,7 @@ class Rig:
     motion: Motion
     library: str | None = None  # that it is linked from; an override of it has the same name
     state: State = State.LIVE
-    reason: str = ""  # why it is live although it is wanted frozen, a sentence
+    reason: str = ""  # why it is live although it is wanted played, a sentence
     followers: Followers = field(default_factory=Followers)
     source: Source = field(default_factory=Source)
     home: Home = field(default_factory=Home)
@@ -157,17 +157,17 @@ class Rig:
         return self.last_name
 
     @property
-    def is_frozen(self) -> bool:
-        return self.state is State.FROZEN
+    def is_played(self) -> bool:
+        return self.state is State.PLAYED
 
     @property
     def is_idle(self) -> bool:
         """Whether Blender has built relations without its keyframes."""
-        return self.state in (State.FROZEN, State.POSED)
+        return self.state in (State.PLAYED, State.POSED)
 
     @property
     def is_wanted(self) -> bool:
-        """Whether it is frozen whenever possible."""
+        """Whether it is played whenever possible."""
         return self.state is not State.LIVE
 
     @property
@@ -207,11 +207,11 @@ class Rig:
             self.motion.skins.clear()
 
     def live_in(self, scene: Any, layer: Any) -> None:
-        """Records and freezes it in a view layer from now on."""
+        """Records and takes it over in a view layer from now on."""
         self.home.scene, self.home.layer = scene, layer.as_pointer()
 
     def graph(self) -> Any:
-        """Returns the dependency graph in which it is recorded and frozen, or None."""
+        """Returns the dependency graph in which it is recorded and played, or None."""
         if not is_alive(self.home.scene):
             return None
         found = next((each for each in self.home.scene.view_layers if each.as_pointer() == self.home.layer), None)
@@ -237,26 +237,26 @@ def has_any() -> bool:
 
 
 def known() -> list[Rig]:
-    """Returns the armatures that are recorded or frozen, without those that no longer exist."""
+    """Returns the armatures that are recorded or played, without those that no longer exist."""
     for key in [key for key, rig in _rigs.items() if not is_alive(rig.ob)]:
         _rigs.pop(key).clear()
     return list(_rigs.values())
 
 
 def at_home(graph: Any) -> list[Rig]:
-    """Returns the armatures that are recorded and frozen in a graph."""
+    """Returns the armatures that are recorded and played in a graph."""
     scene, layer = graph.scene, graph.view_layer.as_pointer()
     return [rig for rig in known() if rig.home.layer == layer and is_alive(rig.home.scene) and rig.home.scene == scene]
 
 
 def graphs(own: Iterable[Rig]) -> list[Any]:
-    """Returns the graphs in which these are recorded and frozen, without duplicates."""
+    """Returns the graphs in which these are recorded and played, without duplicates."""
     return [graph for graph in {rig.home.layer: rig.graph() for rig in own}.values() if graph is not None]
 
 
-def frozen() -> list[Rig]:
-    """Returns the armatures that are frozen."""
-    return [rig for rig in known() if rig.is_frozen]
+def played() -> list[Rig]:
+    """Returns the armatures that are played."""
+    return [rig for rig in known() if rig.is_played]
 
 
 def idle() -> list[Rig]:
@@ -316,7 +316,7 @@ def is_hidden(rig: Rig, graph: Any) -> bool:
 
 
 def is_without_keys(rig: Rig, graph: Any) -> bool:
-    """Whether a graph evaluates no keyframes of an armature: its relations are those that `freezing` has built. A copy
+    """Whether a graph evaluates no keyframes of an armature: its relations are those that `states` has built. A copy
     that Blender has made since has the action and tracks, but the graph has not."""
     found = {rig: None}
     queue = [rig]
@@ -433,7 +433,7 @@ def _have_values(rig: Rig, graph: Any, moment: Moment) -> bool:
 
 
 def is_shown(rig: Rig, graph: Any, moment: Any) -> bool:
-    """Whether a graph shows a recorded moment of an armature, frozen or live."""
+    """Whether a graph shows a recorded moment of an armature, played or live."""
     return evaluated_copy(rig, graph) is not None and shows(rig, graph, moment)
 
 
@@ -467,7 +467,7 @@ def _place(rig: Rig, graph: Any, moment: Moment) -> None:
 def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
     """Does what `shows` and `show` do, for several armatures at once, and goes through the bones of each only once.
     steps: each with the Moment to show; `rig.shown.moment` must be shown. Returns False for those of which it is not:
-    they have to be thawed, because some bones may have been written."""
+    they have to be handed back, because some bones may have been written."""
     found = []
     for rig, moment in steps:
         follow = [(keys.evaluated_get(graph), keys, numbers) for keys, numbers in keyed(rig, graph)]

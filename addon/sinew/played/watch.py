@@ -150,7 +150,7 @@ class Watch:
         expect(graph, (block for block in self.blocks if evaluations.is_tagged(block.evaluated_get(graph))))
 
     def note(self, graph: Any) -> None:
-        """Notes what the evaluation whose handlers run has changed. It evaluates a frozen armature only if somebody has
+        """Notes what the evaluation whose handlers run has changed. It evaluates a played armature only if somebody has
         edited it."""
         self._busy = {
             key
@@ -202,7 +202,7 @@ def expect(graph: Any, blocks: Iterable[Any]) -> None:
     _expected.setdefault(graph.view_layer.as_pointer(), set()).update(map(values.key_of, blocks))
 
 
-def expect_thaw(graph: Any, rig: Any) -> None:
+def expect_hand_back(graph: Any, rig: Any) -> None:
     """Says that Blender copies an armature and its actions again, because relations are built with them."""
     actions = (
         [each for each in rig.motion.watch.blocks if isinstance(each, bpy.types.Action)]

@@ -17,7 +17,7 @@ from ..blender import animation, modifier_types, nodes, temporary, values
 from ..feedback import long_work
 from ..main import whole_frames
 from ..plan import bindable, survey, ways, wiring
-from ..played import freezing
+from ..played import states
 from ..run import characters
 from . import absences, costs
 from .costs import CLOCK, DIFFERENCE, OWN_CLOCK, ObjectCost, Part
@@ -39,7 +39,7 @@ def steps(context: bpy.types.Context, first: int, last: int) -> Generator[tuple[
     costs.check_frames(first, last)
     scene = context.scene
     # Some of the rigs would be native, and some of the time.
-    with temporary.frame_kept(scene), freezing.all_live(scene, context.view_layer):
+    with temporary.frame_kept(scene), states.all_live(scene, context.view_layer):
         return (yield from _measure(context, scene, costs.spread(first, last)))
 
 

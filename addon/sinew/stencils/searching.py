@@ -1,9 +1,9 @@
 """Finds the stencils of the tails of bound meshes, in the main thread, while Blender evaluates their modifiers as ever.
 
 In a window this is done bit by bit, while nothing is played, rendered or dragged. What it needs is in one hidden scene
-from the first bit to the last: to add one for each would have Blender build all relations again, and thaw all rigs. It
-is put away before the file is saved and before undo. What was found is compared with Blender on the shape that is shown
-then. In the background it is done at once, as soon as so many frames were changed that it would have paid.
+from the first bit to the last: to add one for each would have Blender build all relations again, and hand back all
+rigs. It is put away before the file is saved and before undo. What was found is compared with Blender on the shape that
+is shown then. In the background it is done at once, as soon as so many frames were changed that it would have paid.
 """
 
 import logging

@@ -6,7 +6,7 @@ from ..feedback import notice
 from ..host import evaluations
 from ..main import addon_preferences, callbacks
 from ..onion import ghost_drawing, ghosts, motion_paths, onion_settings
-from ..played import freezing, playing, rigs
+from ..played import playing, rigs, states
 from . import available, played_rigs
 from .panels import InSidebar
 
@@ -61,7 +61,7 @@ def fill() -> float:
         onion = settings.onion
         around = ghosts.frames_around(scene.frame_current, onion.before, onion.after, onion.step)
         if ghosts.fill(scene, [frame for frame, _steps in reversed(around)]):  # the nearest first
-            freezing.keep_frozen(scene, layer)
+            states.keep_played(scene, layer)
             notice.redraw()
     return SECONDS_BETWEEN_LOOKS
 

@@ -11,7 +11,7 @@ from ..feedback import progress
 from ..install import bind
 from ..main import whole_frames
 from ..plan import bindable
-from ..played import accelerating, freezing
+from ..played import accelerating, states
 from ..rig_files import clip_keyframes
 from ..run import characters
 from . import available
@@ -138,7 +138,7 @@ class MeasureFrames(available.Explains, bpy.types.Operator):
 
     def run(self, context):
         with progress.shown(context) as shown:
-            live = partial(freezing.all_live, context.scene, context.view_layer)
+            live = partial(states.all_live, context.scene, context.view_layer)
             measured = whole_frames.measure(context.scene, shown, live)
         self.report(
             {"INFO"},

@@ -12,7 +12,7 @@ from gpu_extras.batch import batch_for_shader
 from ..blender.drawn import Drawn
 from ..description import reading
 from ..feedback import notice
-from ..played import followers, freezing, recording, rigs
+from ..played import followers, recording, rigs, states
 from . import available
 from .in_steps import InSteps
 from .panels import InSidebar
@@ -20,7 +20,7 @@ from .panels import InSidebar
 MOST_RUNS = 3  # of recorded frames that are listed
 MOST_STRIPS = 8
 RULER, HEIGHT, GAP = 23, 3, 1  # of the frame numbers, of a strip, between two: pixels at 100 % interface scale
-FROZEN, LIVE = (0.35, 0.75, 1.0, 0.9), (0.55, 0.6, 0.65, 0.7)
+PLAYED, LIVE = (0.35, 0.75, 1.0, 0.9), (0.55, 0.6, 0.65, 0.7)
 
 
 def chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -62,9 +62,9 @@ class _Records(available.Explains, InSteps):
         for rig in own:
             if rig.stays_live:
                 rig.ob.sinew_accelerates_rig = True
-            freezing.want(rig)
-        freezing.freeze(own, context.scene, context.view_layer)
-        is_any = any(rig.is_frozen for rig in own)
+            states.want(rig)
+        states.take_over(own, context.scene, context.view_layer)
+        is_any = any(rig.is_played for rig in own)
         native = followers.listed([rig.name for rig in own if rig.source.is_proven])
         if native:
             self.report({"INFO"}, f"{native}: native, so nothing has to be recorded")
@@ -181,7 +181,7 @@ def _switch_rigs(scene: Any, context: Any) -> None:
     here = [rig for rig in rigs.known() if rig.home.scene in (scene, None)]
     if not scene.sinew_accelerates_rigs:
         own = [rig for rig in here if rig.trial.needs_program]
-        freezing.thaw(own, scene, context.view_layer)
+        states.hand_back(own, scene, context.view_layer)
         for rig in own:
             rig.clear()
     for rig in here:
@@ -197,7 +197,7 @@ def _switch_rig(ob: Any, context: Any) -> None:
     if rig.stays_live and rig.is_wanted:
         graph = rig.graph()
         scene, layer = (context.scene, context.view_layer) if graph is None else (graph.scene, graph.view_layer)
-        freezing.thaw([rig], scene, layer)
+        states.hand_back([rig], scene, layer)
 
 
 class Bar(NamedTuple):
@@ -211,7 +211,7 @@ class Bar(NamedTuple):
 
 
 def marked(context: bpy.types.Context) -> list[rigs.Rig]:
-    """Returns the characters with a strip: those that are frozen or were, and the selected ones."""
+    """Returns the characters with a strip: those that are played or were, and the selected ones."""
     selected = chosen(context)
     found = [rig for rig in rigs.known() if len(rig.motion.record) and (rig.is_wanted or rig.ob in selected)]
     return sorted(found, key=lambda rig: rig.name)[:MOST_STRIPS]
@@ -223,7 +223,7 @@ def bars(shown: Iterable[rigs.Rig], place: Callable[[float], float], height: flo
     # Under the frame numbers, or over the lower border of a timeline that shows nothing else.
     found, top = [], max(height - RULER * scale, len(shown) * (HEIGHT + GAP) * scale)
     for rig in shown:
-        color = FROZEN if rig.is_idle else LIVE
+        color = PLAYED if rig.is_idle else LIVE
         bottom = top - HEIGHT * scale
         found += [
             Bar(place(first - 0.5), bottom, place(last + 0.5), top, color) for first, last in rig.motion.record.runs()

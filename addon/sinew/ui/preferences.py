@@ -11,7 +11,7 @@ from ..host import contract
 from ..main import addon_preferences, handlers, memory_use
 from ..native import sinew_native
 from ..onion import onion_settings
-from ..played import freezing, rigs
+from ..played import rigs, states
 from ..run import characters
 from . import available
 
@@ -49,7 +49,7 @@ def _apply_memory(preferences, _context=None):
 
 def _apply_use(_preferences=None, _context=None):
     """Has Sinew use Blender's memory, or do without it, in the open file too."""
-    freezing.melt_all()
+    states.melt_all()
     memory_use.decide()
     handlers.look_anew()
 

@@ -237,12 +237,12 @@ def draw_rig(layout: bpy.types.UILayout, context: bpy.types.Context, armature: A
 def text_of(armature: Any) -> tuple[str, str]:
     """Returns how it is with an armature, one or two lines, and why Blender evaluates it, a sentence; "" for nothing to
     say."""
-    if not contract.has(features.FREEZING):
-        return "", contract.why_not(features.FREEZING)
+    if not contract.has(features.PLAYING):
+        return "", contract.why_not(features.PLAYING)
     rig = rigs.get(armature)
     if rig is None:
         return "", ""
-    if rig.is_frozen and rig.source.is_proven:
+    if rig.is_played and rig.source.is_proven:
         own, blender = rig.source.milliseconds, rig.source.blender_milliseconds
         if not own or not blender:
             return "Rig: native", ""

@@ -21,11 +21,11 @@ import bpy
 from walk import (
     animated_steps,
     compare,
-    frozen_steps,
     kinds,
     mesh_steps,
     modifier_steps,
     object_steps,
+    played_steps,
     rig_steps,
     scene,
     scene_steps,
@@ -36,7 +36,7 @@ from walk.shrink import LENGTH, options_of
 
 STEPS = (
     animated_steps,
-    frozen_steps,
+    played_steps,
     mesh_steps,
     modifier_steps,
     object_steps,
@@ -91,7 +91,7 @@ def walk(seed, number, steps, without, listener):
         if chosen.__name__ in without:
             continue
         print(f"walk: step {step}: {chosen.__name__}", flush=True)
-        frozen_steps.count_step()
+        played_steps.count_step()
         what = chosen(random)
         print(f"walk:   {what or ''}", flush=True)
         look(listener, Random(f"{seed} look {step}"))
@@ -105,7 +105,7 @@ def walk(seed, number, steps, without, listener):
 
 
 def look(listener, random):
-    """At once, when Sinew has had its mail, and at times when nobody has done anything for a while. What is frozen is
+    """At once, when Sinew has had its mail, and at times when nobody has done anything for a while. What is played is
     not always compared, which has Blender build it anew."""
     bpy.context.view_layer.update()
     if not compare.is_mix_split():
@@ -118,9 +118,9 @@ def look(listener, random):
     if random.random() < 0.3:
         compare.assert_bones_are_awaited()
     if random.random() < 0.6:
-        frozen_steps.wait()
+        played_steps.wait()
     if random.random() < 0.6:
-        frozen_steps.assert_frozen_as_live()
+        played_steps.assert_played_as_live()
     compare.assert_alike()
     assert not listener.said(), "it was said: " + listener.said()
 
@@ -139,9 +139,9 @@ def main():
         walk(options.seed, number, part, options.without, listener)
     undone = scene_steps.undone
     print(f"walk: {undone['did something']} of {undone['asked for']} undos and redos did something", flush=True)
-    began = frozen_steps.began
+    began = played_steps.began
     print(f"walk: {began['with an accelerated rig']} of {began['all']} steps began with an accelerated rig", flush=True)
-    print(f"walk: rigs {dict(frozen_steps.looked_at)}, paths {dict(compare.paths)}", flush=True)
+    print(f"walk: rigs {dict(played_steps.looked_at)}, paths {dict(compare.paths)}", flush=True)
     print(f"walk: {len(steps)} steps, seed {options.seed}, {time.time() - start:.0f} s, nothing found", flush=True)
 
 

@@ -1,5 +1,5 @@
-"""Freezing and thawing at random. As long as any armature is frozen, all is compared after each step with what Blender
-shows as soon as it evaluates everything again."""
+"""Taking over and handing back at random. As long as any armature is played, all is compared after each step with what
+Blender shows as soon as it evaluates everything again."""
 
 from collections import Counter
 
@@ -15,8 +15,8 @@ looked_at: Counter[str] = Counter()  # rigs, while nothing was done
 began: Counter[str] = Counter()  # steps
 
 
-def freezing():
-    return addon_module("played.freezing")
+def states():
+    return addon_module("played.states")
 
 
 def recorded():
@@ -24,26 +24,26 @@ def recorded():
 
 
 @kind(3)
-def freeze(random):
+def take_over(random):
     scene.leave_modes()
     chosen = [each for each in scene.armatures() if random.random() < 0.7]
     rigs = [recorded().learn(each) for each in chosen if each.animation_data]
     first = random.randint(1, scene.LAST_FRAME - 5)
     for frame in range(first, random.randint(first, scene.LAST_FRAME) + 1):
         bpy.context.scene.frame_set(frame)
-    freezing().freeze(rigs, bpy.context.scene, bpy.context.view_layer)
-    return [(rig.name, rig.is_frozen, rig.reason) for rig in rigs]
+    states().take_over(rigs, bpy.context.scene, bpy.context.view_layer)
+    return [(rig.name, rig.is_played, rig.reason) for rig in rigs]
 
 
 @kind(2)
-def thaw(random):
+def hand_back(random):
     rigs = [rig for rig in recorded().known() if random.random() < 0.6]
-    freezing().thaw(rigs, bpy.context.scene, bpy.context.view_layer)
+    states().hand_back(rigs, bpy.context.scene, bpy.context.view_layer)
 
 
 @kind(2)
-def freeze_again(_random):
-    freezing().freeze_again(bpy.context.scene, bpy.context.view_layer)
+def take_over_again(_random):
+    states().take_over_again(bpy.context.scene, bpy.context.view_layer)
 
 
 @kind(2)
@@ -65,14 +65,14 @@ def wait():
     """As long as it takes until rigs are accelerated."""
     accelerating = addon_module("played.accelerating")
     accelerating.LEAST_WORK, accelerating.MOST_TO_SKIP = 0, 1
-    freezing().freeze_again(bpy.context.scene, bpy.context.view_layer)
+    states().take_over_again(bpy.context.scene, bpy.context.view_layer)
     number = addon_module("played.playing").evaluation_count()
     while accelerating.step(bpy.context.scene, bpy.context.view_layer, number):
         pass
     own = [rig for rig in recorded().known() if rig.trial.needs_program]
-    looked_at.update("accelerated" if rig.is_frozen else "left to Blender" for rig in own)
-    looked_at["following another"] += sum(rig.is_frozen and len(rig.source.leaders) > 0 for rig in own)
-    looked_at["following an object"] += sum(rig.is_frozen and len(rig.source.moving) > 0 for rig in own)
+    looked_at.update("accelerated" if rig.is_played else "left to Blender" for rig in own)
+    looked_at["following another"] += sum(rig.is_played and len(rig.source.leaders) > 0 for rig in own)
+    looked_at["following an object"] += sum(rig.is_played and len(rig.source.moving) > 0 for rig in own)
     return [(rig.name, rig.state.name, rig.reason) for rig in own]
 
 
@@ -103,22 +103,22 @@ def shown():
     return shapes
 
 
-def assert_frozen_as_live():
+def assert_played_as_live():
     """Has Blender evaluate everything again, and compares."""
-    rigs = recorded().frozen()
+    rigs = recorded().played()
     if not rigs:
         return
     before = shown()
-    freezing().thaw(rigs, bpy.context.scene, bpy.context.view_layer)
+    states().hand_back(rigs, bpy.context.scene, bpy.context.view_layer)
     for ob in bpy.context.view_layer.objects:
         ob.update_tag()
     after = shown()
     assert before.keys() == after.keys()
     for name, shape in before.items():
-        ob, said = bpy.data.objects[name], f"{name} is not as live while {[rig.name for rig in rigs]} are frozen"
+        ob, said = bpy.data.objects[name], f"{name} is not as live while {[rig.name for rig in rigs]} are played"
         assert shape.shape == after[name].shape, f"{said}: {len(shape)} in place of {len(after[name])}"
         if np.isfinite((shape, after[name])).all():  # Blender's own modifiers may have deformed one of the two
             compare.assert_close(shape, after[name], said, compare.looseness(ob))
         else:
             assert np.allclose(shape, after[name], rtol=1e-5, atol=1e-5, equal_nan=True), said
-    freezing().freeze(rigs, bpy.context.scene, bpy.context.view_layer)
+    states().take_over(rigs, bpy.context.scene, bpy.context.view_layer)

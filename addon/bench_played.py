@@ -1,11 +1,11 @@
-"""Measures how long a frame of a whole shot takes with Sinew while all characters but one are frozen.
+"""Measures how long a frame of a whole shot takes with Sinew while all characters but one are played.
 
-    blender -b --python-exit-code 1 --python addon/bench_shot.py -- --frozen [--characters N] [--without WHAT]...
+    blender -b --python-exit-code 1 --python addon/bench_shot.py -- --played [--characters N] [--without WHAT]...
 
 The shot is that of bench_shot.py. Rounds alternate between Blender's modifiers with Sinew's handlers removed, all
-characters live, all with accelerated rigs, all but one recorded and frozen, and all but one hidden, which is the
-least. Accelerating, freezing, thawing and recording are measured too, and shapes are compared with those of live
-characters.
+characters live, all with accelerated rigs, all but one recorded and played, and all but one hidden, which is the
+least. Accelerating, taking over, handing back and recording are measured too, and shapes are compared with those of
+live characters.
 """
 
 import importlib
@@ -32,8 +32,8 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
     """Returns {what: median of milliseconds}, with the largest difference of the shapes, which must be 0."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
-    accelerating, freezing, known = (
-        importlib.import_module(f"{ADDON}.played.{name}") for name in ("accelerating", "freezing", "rigs")
+    accelerating, states, known = (
+        importlib.import_module(f"{ADDON}.played.{name}") for name in ("accelerating", "states", "rigs")
     )
     people = make_shot(characters, without)
     meshes = [ob for person in people for ob in person.meshes]
@@ -41,15 +41,15 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
     assert bpy.ops.object.sinew_bind() == {"FINISHED"}
     bpy.ops.object.select_all(action="DESELECT")
     scene, layer = bpy.context.scene, bpy.context.view_layer
-    names = ("modifiers", "live", "accelerated", "recording", "frozen", "hidden", "reading", "freezing", "thawing")
+    names = ("modifiers", "live", "accelerated", "recording", "played", "hidden", "reading", "states", "handing back")
     times = {name: [] for name in names}
 
     def take(what):
         times[what].append(statistics.median(frame_times()))
 
-    def freeze(what, chosen):
-        times[what].append(milliseconds(freezing.freeze, chosen, scene, layer))
-        lacking = [rig.reason for rig in chosen if not rig.is_frozen]
+    def take_over(what, chosen):
+        times[what].append(milliseconds(states.take_over, chosen, scene, layer))
+        lacking = [rig.reason for rig in chosen if not rig.is_played]
         assert not lacking, lacking
 
     scene.sinew_accelerates_rigs = False
@@ -62,9 +62,9 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
         times["reading"].append(milliseconds(accelerating.accelerate, scene, layer))
         every = [known.learn(person.rig) for person in people]
         take("accelerated")
-        assert all(rig.is_frozen for rig in every), [rig.reason for rig in every]
+        assert all(rig.is_played for rig in every), [rig.reason for rig in every]
         found = shapes(meshes)
-        freezing.thaw(every, scene, layer)
+        states.hand_back(every, scene, layer)
         scene.sinew_accelerates_rigs = False
         known.forget()
         rigs = [known.learn(person.rig) for person in people[1:]]
@@ -74,13 +74,13 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
         take("recording")
         assert all(np.array_equal(a, b) for a, b in zip(found, shapes(meshes)))
         wanted = shapes_at_the_end(meshes)
-        freeze("freezing", rigs)
-        take("frozen")
+        take_over("states", rigs)
+        take("played")
         found = shapes(meshes)
-        assert all(rig.is_frozen for rig in rigs)
+        assert all(rig.is_played for rig in rigs)
         worst = max(float(np.abs(a - b).max()) for a, b in zip(wanted, found))
-        assert worst == 0.0, f"frozen shapes are {worst} off"
-        times["thawing"].append(milliseconds(freezing.thaw, rigs, scene, layer))
+        assert worst == 0.0, f"played shapes are {worst} off"
+        times["handing back"].append(milliseconds(states.hand_back, rigs, scene, layer))
         with hidden([ob for person in people[1:] for ob in person.objects]):
             take("hidden")
         take("recording")
@@ -94,7 +94,7 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
         for _ in range(rounds):
             take("modifiers")
     found = {f"{what}_ms": float(np.median(each)) for what, each in times.items()}
-    return found | {"characters": characters, "megabytes": memory, "faster": found["live_ms"] / found["frozen_ms"]}
+    return found | {"characters": characters, "megabytes": memory, "faster": found["live_ms"] / found["played_ms"]}
 
 
 def main(options):
@@ -105,13 +105,13 @@ def main(options):
         f"medians of {SHOT_ROUNDS} x {len(FRAMES)} frames\n"
     )
     print(
-        "| modifiers | all live | rigs accelerated | recorded | all but one frozen | faster | all but one hidden | "
-        "accelerating | freezing | thawing | MB a frame |"
+        "| modifiers | all live | rigs accelerated | recorded | all but one played | faster | all but one hidden | "
+        "accelerating | taking over | handing back | MB a frame |"
     )
     print("|" + "---|" * 11)
-    names = ("modifiers", "live", "accelerated", "recording", "frozen")
+    names = ("modifiers", "live", "accelerated", "recording", "played")
     cells = [number(row[f"{what}_ms"]) for what in names] + [number(row["faster"], "x")]
-    names = ("hidden", "reading", "freezing", "thawing")
+    names = ("hidden", "reading", "states", "handing back")
     cells += [number(row[f"{what}_ms"]) for what in names] + [f"{row['megabytes']:.2f}"]
     print(f"| {' | '.join(cells)} |", flush=True)
     if options.json:

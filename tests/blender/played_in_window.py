@@ -1,5 +1,5 @@
 """Somebody works on one of two characters in a window: picks it with the mouse, poses, keys, undoes, plays and renders,
-while the other one is frozen and plays from memory; then picks that one, and works with two windows open. Marks in the
+while the other one is played and plays from memory; then picks that one, and works with two windows open. Marks in the
 timeline, onion skins (docs/onion-skins.jpg), and the file of Blender's autosave. At the end both are computed
 (docs/rig.jpg), and the one that is picked stays so. Run as first_ogre.py is.
 """
@@ -56,8 +56,8 @@ for name in shapes.files:
 """
 
 
-def freezing():
-    return addon_module("played.freezing")
+def states():
+    return addon_module("played.states")
 
 
 def recorded():
@@ -65,15 +65,15 @@ def recorded():
 
 
 def let_be_computed(armatures, may):
-    """Whether these may be computed when they freeze. Otherwise they are recorded."""
+    """Whether these may be computed when they take over. Otherwise they are recorded."""
     for name in armatures:
         recorded().learn(bpy.data.objects[name]).trust.is_distrusted = not may
 
 
 def want(armatures):
-    """Has these freeze as soon as they are not selected and their frame is recorded."""
+    """Has these take over as soon as they are not selected and their frame is recorded."""
     for name in armatures:
-        freezing().want(recorded().learn(bpy.data.objects[name]))
+        states().want(recorded().learn(bpy.data.objects[name]))
 
 
 def scene():
@@ -81,8 +81,8 @@ def scene():
     return bpy.context.scene
 
 
-def is_frozen(armature):
-    return recorded().get(bpy.data.objects[armature]).is_frozen
+def is_played(armature):
+    return recorded().get(bpy.data.objects[armature]).is_played
 
 
 def shape(name):
@@ -109,20 +109,20 @@ def steps():
     want(armatures)
     yield from pick(meshes[0])
     yield from play_all()
-    yield from until_frozen(armatures[1], "what is not selected does not freeze")
-    assert not is_frozen(armatures[0])
+    yield from until_played(armatures[1], "what is not selected does not take over")
+    assert not is_played(armatures[0])
     assert_as(reference, meshes)
-    print("window: what is not selected freezes by itself")
+    print("window: what is not selected takes over by itself")
 
     yield from pose_key_and_undo(meshes, armatures, reference)
 
     yield from pick(meshes[1])
-    assert not is_frozen(armatures[1])
+    assert not is_played(armatures[1])
     assert_as(reference, meshes)
-    yield from until_frozen(armatures[0], "what was left does not freeze")
-    assert not is_frozen(armatures[1])
+    yield from until_played(armatures[0], "what was left does not take over")
+    assert not is_played(armatures[1])
     assert_as(reference, meshes)
-    print("window: picking the other one makes it live and freezes the first")
+    print("window: picking the other one makes it live and takes over the first")
 
     yield from in_two_windows(meshes, armatures, reference)
     yield from render(meshes, armatures, reference)
@@ -193,9 +193,9 @@ def play_all():
         yield 0.05
 
 
-def until_frozen(armature, what):
+def until_played(armature, what):
     try:
-        yield from until(lambda: is_frozen(armature), 15)
+        yield from until(lambda: is_played(armature), 15)
     except TimeoutError:
         rigs = [
             (rig.name, rig.state.name, rig.reason, rig.motion.record.runs(), scene().frame_current)
@@ -205,7 +205,7 @@ def until_frozen(armature, what):
 
 
 def pose_key_and_undo(meshes, armatures, reference):
-    """R and the mouse in Pose Mode, I, Ctrl-Z twice. The second one is frozen."""
+    """R and the mouse in Pose Mode, I, Ctrl-Z twice. The second one is played."""
     choose_a_bone(bpy.data.objects[armatures[0]])
     before = shape(meshes[0])
     assert_as(reference, meshes)
@@ -219,7 +219,7 @@ def pose_key_and_undo(meshes, armatures, reference):
     yield 0.5
     posed = shape(meshes[0])
     assert np.abs(posed - before).max() > 0.05, "the mouse has not moved the mesh"
-    assert is_frozen(armatures[1])
+    assert is_played(armatures[1])
     with in_area("VIEW_3D"):
         bpy.ops.anim.keyframe_insert_by_name(type="WholeCharacterSelected")
         bpy.ops.ed.undo_push(message="keyed")
@@ -230,7 +230,7 @@ def pose_key_and_undo(meshes, armatures, reference):
         assert_as(reference, meshes[1:])
     assert np.allclose(shape(meshes[0]), posed, atol=1e-4), "the key does not hold the pose"
     assert np.abs(posed - before).max() > 0.05
-    yield from picture("posing-beside-frozen")
+    yield from picture("posing-beside-played")
     for _ in range(3):  # the key, the rotation; a Blender that keys by itself has one step more
         yield from outside("xdotool key ctrl+z")
         yield 1.0
@@ -242,8 +242,8 @@ def pose_key_and_undo(meshes, armatures, reference):
     assert_as(reference, meshes)
     yield from play_all()
     assert_as(reference, meshes)
-    yield from until_frozen(armatures[1], "what is not selected does not freeze after undo")
-    print("window: turned a bone, keyed and undid it beside a frozen character")
+    yield from until_played(armatures[1], "what is not selected does not take over after undo")
+    print("window: turned a bone, keyed and undid it beside a played character")
 
 
 def in_two_windows(meshes, armatures, reference):
@@ -253,15 +253,15 @@ def in_two_windows(meshes, armatures, reference):
     assert len(windows()) == 2
     _rate, seen = yield from playing(15.0, 40)
     assert len(set(seen)) >= 5, f"only {len(set(seen))} frames were shown"
-    yield from until_frozen(armatures[0], "what is not selected does not freeze after playing")
+    yield from until_played(armatures[0], "what is not selected does not take over after playing")
     scene().frame_set(8)  # playing may have stopped behind the last frame
     assert_as(reference, meshes)
     for ours, theirs in ((0, 1), (1, 0)):
         select(bpy.data.objects[meshes[ours]])
         scene().frame_set(5 + ours)
         yield 0.3
-        assert not is_frozen(armatures[ours])
-        yield from until_frozen(armatures[theirs], "nothing freezes with two windows")
+        assert not is_played(armatures[ours])
+        yield from until_played(armatures[theirs], "nothing takes over with two windows")
         assert_as(reference, meshes)
     yield from picture("two-windows")
     close_other_windows()
@@ -270,13 +270,13 @@ def in_two_windows(meshes, armatures, reference):
 
 
 def render(meshes, armatures, reference):
-    """F12 while the first one is frozen, and when all is live."""
+    """F12 while the first one is played, and when all is live."""
     camera(scene())
     scene().cycles.samples = 1
     scene().frame_start, scene().frame_end = 4, 9
-    yield from until_frozen(armatures[0], "nothing freezes beside the camera")
+    yield from until_played(armatures[0], "nothing takes over beside the camera")
     pictures = []
-    for kind in ("frozen", "live"):
+    for kind in ("played", "live"):
         done = []
         for handlers in (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel):
             handlers.append(lambda *_, done=done: done.append(True))
@@ -286,17 +286,17 @@ def render(meshes, armatures, reference):
         while not done:
             yield 0.2
         yield 0.5
-        if kind == "frozen":
+        if kind == "played":
             assert_as(reference, meshes)
-            freezing().thaw(recorded().known(), scene(), bpy.context.view_layer)
+            states().hand_back(recorded().known(), scene(), bpy.context.view_layer)
         pictures.append([pixels(FOLDER / f"{kind}-{frame:04}.png") for frame in range(4, 10)])
-    assert np.array_equal(*pictures), "F12 renders something else while a character is frozen"
+    assert np.array_equal(*pictures), "F12 renders something else while a character is played"
     assert np.abs(pictures[0][0] - pictures[0][-1]).mean() > 1 / 1000
     scene().frame_start, scene().frame_end = FRAMES[0], FRAMES[-1]
     want(armatures)
     close_other_windows()
     yield 0.5
-    print("window: F12 renders the same with a frozen character")
+    print("window: F12 renders the same with a played character")
 
 
 def onion_skins(meshes, armatures):
@@ -307,7 +307,7 @@ def onion_skins(meshes, armatures):
         assert bpy.ops.object.sinew_onion_skins() == {"FINISHED"}
     yield from play_all()
     scene().frame_set(10)
-    yield from until_frozen(armatures[0], "nothing freezes beside ghosts")
+    yield from until_played(armatures[0], "nothing takes over beside ghosts")
     scene().frame_set(11)
     yield 0.2
     scene().frame_set(10)
@@ -326,7 +326,7 @@ def seen(name):
 
 
 def autosaved(armatures, reference):
-    """Blender's own autosave, while one is frozen."""
+    """Blender's own autosave, while one is played."""
     paths = bpy.context.preferences.filepaths
     paths.temporary_directory = str(FOLDER)
     for each in FOLDER.glob("*autosave*.blend"):
@@ -334,11 +334,11 @@ def autosaved(armatures, reference):
     paths.use_auto_save_temporary_files, paths.auto_save_time = True, 1
     end = time.time() + SECONDS
     while not list(FOLDER.glob("*autosave*.blend")) and time.time() < end:
-        assert is_frozen(armatures[0]) or time.time() < end - SECONDS + 20
+        assert is_played(armatures[0]) or time.time() < end - SECONDS + 20
         yield 1.0
     found = list(FOLDER.glob("*autosave*.blend"))
     assert found, "Blender has not saved by itself"
-    assert is_frozen(armatures[0])
+    assert is_played(armatures[0])
     np.savez(FOLDER / "reference.npz", **reference)
     script = FOLDER / "compare.py"
     script.write_text(COMPARE.format(path=str(found[0]), shapes=str(FOLDER / "reference.npz"), frames=list(FRAMES)))
@@ -353,39 +353,39 @@ def autosaved(armatures, reference):
 
 
 def computed(meshes, armatures, reference):
-    """What has been frozen stays so when it is picked, posed and keyed."""
+    """What has been played stays so when it is picked, posed and keyed."""
     select()
-    freezing().thaw(recorded().known(), scene(), bpy.context.view_layer)
+    states().hand_back(recorded().known(), scene(), bpy.context.view_layer)
     let_be_computed(armatures, may=True)
     want(armatures)
     scene().frame_set(7)
     for name in armatures:
-        yield from until_frozen(name, "what can be computed does not freeze")
+        yield from until_played(name, "what can be computed does not take over")
         assert recorded().get(bpy.data.objects[name]).source.is_proven
     yield from pick(meshes[0])
-    assert is_frozen(armatures[0])
+    assert is_played(armatures[0])
     yield from play_all()
     yield from pose_key_and_undo(meshes, armatures, reference)
     for name in armatures:
-        yield from until_frozen(name, "what was posed is not computed again")
+        yield from until_played(name, "what was posed is not computed again")
     scene().frame_set(13)
     assert_as(reference, meshes)
     print("window: posed, keyed and undid a computed character")
 
 
 def accelerated(meshes, armatures, reference):
-    """Nobody has frozen anything: the rigs are computed as soon as nothing happens, and after an edit again."""
+    """Nobody has played anything: the rigs are computed as soon as nothing happens, and after an edit again."""
     addon_module("played.accelerating").LEAST_WORK = 0
-    freezing().thaw(recorded().known(), scene(), bpy.context.view_layer)
+    states().hand_back(recorded().known(), scene(), bpy.context.view_layer)
     for rig in recorded().known():
         rig.clear()
     scene().sinew_accelerates_rigs = True
     scene().frame_set(8)
     for name in armatures:
-        yield from until_frozen(name, "no rig is accelerated")
+        yield from until_played(name, "no rig is accelerated")
     _rate, seen = yield from playing(15.0, 40)
     assert len(set(seen)) >= 5, f"only {len(set(seen))} frames were shown"
-    assert all(map(is_frozen, armatures))
+    assert all(map(is_played, armatures))
     assert not any(len(rig.motion.record) > 1 for rig in recorded().known())  # the one on which they were still live
     scene().frame_set(8)
     assert_as(reference, meshes)
@@ -393,7 +393,7 @@ def accelerated(meshes, armatures, reference):
     yield from picture("accelerated-rig")
     yield from pose_key_and_undo(meshes, armatures, reference)
     for name in armatures:
-        yield from until_frozen(name, "what was posed is not accelerated again")
+        yield from until_played(name, "what was posed is not accelerated again")
     scene().frame_set(13)
     assert_as(reference, meshes)
     print(f"window: two rigs were accelerated, {len(set(seen))} different frames, and one was posed and undone")

@@ -281,10 +281,10 @@ def test_which_curves_differ():
 
 
 def test_the_states_are_set_in_one_module():
-    """played/freezing.py draws them."""
+    """played/states.py draws them."""
     found = set()
     for path in (Path(__file__).resolve().parents[2] / "addon" / "sinew").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Attribute) and node.attr == "state" and isinstance(node.ctx, ast.Store):
                 found.add(path.name)
-    assert found == {"freezing.py"}
+    assert found == {"states.py"}

@@ -1,12 +1,12 @@
-"""Drivers of anything that read a frozen armature: lamps, materials, objects, modifiers, visibility. There are two of
+"""Drivers of anything that read a played armature: lamps, materials, objects, modifiers, visibility. There are two of
 each, which are equal on each frame: one reads the armature of the live character."""
 
 import bpy
 import pytest
 
 from helpers import addon_module, depsgraph, needs_memory
-from test_frozen import FRAMES, freezing, layer, opened_cast
-from test_frozen_who import both
+from test_played import FRAMES, layer, opened_cast, states
+from test_played_who import both
 
 pytestmark = needs_memory
 
@@ -139,12 +139,12 @@ READERS = [
 
 
 @pytest.mark.parametrize("make", READERS)
-def test_what_drivers_make_of_a_frozen_armature(cast, make):
+def test_what_drivers_make_of_a_played_armature(cast, make):
     if make is keyed_property and not addon_module("description.reading").CAN_READ:
         pytest.skip("custom properties are not recorded")
     readers = [make(cast, *each) for each in both(cast)]
     layer().update()
-    cast.freeze()
+    cast.take_over()
     seen = set()
 
     def compare():
@@ -159,7 +159,7 @@ def test_what_drivers_make_of_a_frozen_armature(cast, make):
     cast.scene.frame_current = 6  # without a change of the frame
     layer().update()
     compare()
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
     for armature, *_ in both(cast):
         armature.pose.bones["bone1"].rotation_mode = "XYZ"
         armature.pose.bones["bone1"].rotation_euler.x += 0.4
@@ -168,11 +168,11 @@ def test_what_drivers_make_of_a_frozen_armature(cast, make):
     for frame in (7, 2):
         cast.scene.frame_set(frame)
         compare()
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert cast.rig.is_frozen, cast.rig.reason
+    states().take_over([cast.rig], cast.scene, layer())
+    assert cast.rig.is_played, cast.rig.reason
     cast.scene.frame_set(5)
     compare()
-    cast.thaw()
+    cast.hand_back()
     compare()
     for frame in (3, 8):
         cast.scene.frame_set(frame)
@@ -197,24 +197,24 @@ def test_drivers_of_the_armature_that_depend_on_the_frame(cast, way):
         driver = armature.driver_add('pose.bones["bone2"]["wave"]').driver
         driver.type, driver.expression = "SCRIPTED", "cos(frame)"
     layer().update()
-    cast.freeze()
+    cast.take_over()
     if way == "computed":
         for frame in (2.25, 7.5):
             cast.scene.frame_set(int(frame), subframe=frame % 1)
             cast.assert_same()
     shapes = cast.play([*FRAMES, 4])
-    assert cast.rig.is_frozen and len({tuple(each.ravel()) for each in shapes}) > 5
+    assert cast.rig.is_played and len({tuple(each.ravel()) for each in shapes}) > 5
     for armature, *_ in both(cast):
         armature.pose.bones["bone1"].location.x += 0.4
     layer().update()
     cast.assert_same()
     cast.play([6, 2])
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert cast.rig.is_frozen, cast.rig.reason
+    states().take_over([cast.rig], cast.scene, layer())
+    assert cast.rig.is_played, cast.rig.reason
     cast.play([6, 2, 9])
-    driver = cast.frozen[0].animation_data.drivers[0].driver
+    driver = cast.played[0].animation_data.drivers[0].driver
     assert driver.expression == "sin(frame / 3) + frame * 0.01"
-    cast.thaw()
+    cast.hand_back()
     cast.play()
 
 
@@ -222,17 +222,17 @@ def test_a_comment_that_blender_has_not_read_before_it_builds_relations(cast):
     """It compiles an expression once, so what is wrong with it then is wrong for good."""
     lamps = [lamp_by_expression(cast, *each) for each in both(cast)]
     layer().update()
-    cast.freeze()
+    cast.take_over()
     drivers = [each.animation_data.drivers[0].driver for each in bpy.data.lights]
     for driver in drivers:
         driver.expression = "100 + a * 100  # watts (of two"
-    freezing().keep_frozen(cast.scene, layer())
-    assert cast.rig.is_frozen
+    states().keep_played(cast.scene, layer())
+    assert cast.rig.is_played
     for frame in (3, 8):
         cast.scene.frame_set(frame)
         ours, theirs = (lamp(depsgraph()) for lamp in lamps)
         assert ours == theirs != 0
-    cast.thaw()
+    cast.hand_back()
     assert [driver.is_valid for driver in drivers] == [True, True]
 
 
@@ -248,14 +248,14 @@ def test_python_of_nothing_but_variables_is_recorded(cast):
         target.transform_type, target.transform_space = "ROT_X", "LOCAL_SPACE"
     assert not driver.is_simple_expression
     layer().update()
-    cast.freeze()
+    cast.take_over()
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 def test_the_file_keeps_its_drivers(cast):
-    lamp_by_expression(cast, *cast.frozen)
-    lamp(cast, *cast.frozen)
+    lamp_by_expression(cast, *cast.played)
+    lamp(cast, *cast.played)
     layer().update()
 
     def drivers():
@@ -263,23 +263,23 @@ def test_the_file_keeps_its_drivers(cast):
         return [(each.type, each.expression, each.is_simple_expression) for each in found]
 
     before = drivers()
-    cast.freeze()
+    cast.take_over()
     assert drivers() == before
-    cast.thaw()
+    cast.hand_back()
     assert drivers() == before
 
 
 def refused(cast):
     layer().update()
     cast.record()
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert not cast.rig.is_frozen
+    states().take_over([cast.rig], cast.scene, layer())
+    assert not cast.rig.is_played
     return cast.rig.reason
 
 
 @pytest.mark.parametrize("name", ("frame", "a b"))
 def test_a_driver_whose_variables_cannot_be_in_an_expression(cast, name):
-    driver = add_driver(bpy.data.lights.new("Lamp", "POINT"), "energy", cast.frozen[0], bones=("bone1",))
+    driver = add_driver(bpy.data.lights.new("Lamp", "POINT"), "energy", cast.played[0], bones=("bone1",))
     linked(cast, "Lamp", bpy.data.lights["Lamp"])
     driver.variables[0].name = name
     if driver.variables[0].name != name:
@@ -289,12 +289,12 @@ def test_a_driver_whose_variables_cannot_be_in_an_expression(cast, name):
 
 def test_a_driver_with_a_long_expression(cast):
     linked(cast, "Lamp", bpy.data.lights.new("Lamp", "POINT"))
-    add_driver(bpy.data.lights["Lamp"], "energy", cast.frozen[0], "SCRIPTED", "a" + " + b" * 62)
+    add_driver(bpy.data.lights["Lamp"], "energy", cast.played[0], "SCRIPTED", "a" + " + b" * 62)
     assert "reads it, and its expression is too long" in refused(cast)
 
 
 @pytest.mark.usefixtures("no_program")
 def test_what_is_animated_and_not_recorded(cast):
-    keyed_property(cast, *cast.frozen)
+    keyed_property(cast, *cast.played)
     reason = refused(cast)
     assert 'the driver of Location of Prop.002 reads the property "cloth" of the bone "bone2" of Rig' in reason

@@ -1,13 +1,13 @@
-"""Frozen characters in less usual scenes, and between freezing and thawing: edits, undo, other handlers and errors. A
-live twin shows what is right."""
+"""Played characters in less usual scenes, and between taking over and handing back: edits, undo, other handlers and
+errors. A live twin shows what is right."""
 
 import bpy
 import pytest
 
 from characters import make_armature
 from helpers import addon_module, depsgraph, evaluated, needs_memory, select
-from test_frozen import FRAMES, freezing, layer, opened_cast, recorded
-from test_frozen_who import both, drive_keys
+from test_played import FRAMES, layer, opened_cast, recorded, states
+from test_played_who import both, drive_keys
 
 pytestmark = needs_memory
 
@@ -31,39 +31,39 @@ def state(name):
 @pytest.mark.usefixtures("no_program")
 @pytest.mark.parametrize("what", ["layer", "scene", "armature", "bone"])
 def test_renaming(cast, what):
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_set(5)
     if what == "layer":
         layer().name = "Other"
     elif what == "scene":
         cast.scene.name = "Other"
     elif what == "armature":
-        cast.frozen[0].name = "Other"
+        cast.played[0].name = "Other"
     else:
         for armature, *_ in both(cast):
             armature.pose.bones["bone2"].name = "Other"
     layer().update()
     cast.assert_same()
-    assert cast.rig.is_frozen == (what in {"layer", "scene"})
+    assert cast.rig.is_played == (what in {"layer", "scene"})
     cast.play()
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert cast.rig.is_frozen, cast.rig.reason
+    states().take_over([cast.rig], cast.scene, layer())
+    assert cast.rig.is_played, cast.rig.reason
     cast.play()
 
 
 def test_objects_that_are_only_instanced(cast):
     """Nothing of the character is in the scene itself."""
     hidden = bpy.data.collections.new("Hidden")
-    for ob in (*cast.frozen, *cast.live):
+    for ob in (*cast.played, *cast.live):
         hidden.objects.link(ob)
         cast.scene.collection.objects.unlink(ob)
     empty = bpy.data.objects.new("Instances", None)
     cast.scene.collection.objects.link(empty)
     empty.instance_type, empty.instance_collection = "COLLECTION", hidden
     layer().update()
-    cast.freeze()
+    cast.take_over()
     shapes = cast.play([*FRAMES, 3])
-    assert cast.rig.is_frozen and shapes.std(axis=0).max() > 0.01
+    assert cast.rig.is_played and shapes.std(axis=0).max() > 0.01
     select(empty)
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
 
@@ -95,7 +95,7 @@ def by_nodes(armature, kind, path):
 def test_nodes_that_read_bones(cast):
     readers = [by_nodes(armature, "GeometryNodeBoneInfo", "bone3") for armature, *_ in both(cast)]
     layer().update()
-    cast.freeze()
+    cast.take_over()
     seen = set()
     for frame in (1, 4, 8, 2):
         cast.scene.frame_set(frame)
@@ -103,19 +103,19 @@ def test_nodes_that_read_bones(cast):
         assert (ours == theirs).all()
         seen.add(float(ours[0, 0]))
     assert len(seen) == 4
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 @pytest.mark.parametrize("tempo", [(100, 50), (100, 200)])
 def test_a_scene_that_plays_at_another_speed(cast, tempo):
     cast.scene.render.frame_map_old, cast.scene.render.frame_map_new = tempo
-    cast.freeze()
+    cast.take_over()
     shapes = cast.play()
-    assert cast.rig.is_frozen and shapes.std(axis=0).max() > 0.01
+    assert cast.rig.is_played and shapes.std(axis=0).max() > 0.01
     cast.scene.render.frame_map_new = 100
     cast.play()
-    assert not cast.rig.is_frozen
-    cast.freeze()
+    assert not cast.rig.is_played
+    cast.take_over()
 
 
 def test_an_armature_that_follows_animated_objects_is_computed(cast):
@@ -123,9 +123,9 @@ def test_an_armature_that_follows_animated_objects_is_computed(cast):
         armature.animation_data_clear()
     cast.follow_keyed_object("bone2")
     cast.play([1, 5])
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     if addon_module("description.reading").CAN_READ:
-        assert cast.rig.is_frozen
+        assert cast.rig.is_played
     else:
         assert "bones of Rig follow Marker, outside of it" in cast.rig.reason
     cast.play([2, 9])
@@ -199,8 +199,8 @@ def hang(cast, follow, make, bone):
 def test_bones_that_follow_what_may_move_on_the_same_armature(cast, follow, make, reason):
     hang(cast, follow, make, "bone4")
     cast.record()
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert cast.rig.reason.startswith(reason) and not cast.rig.is_frozen
+    states().take_over([cast.rig], cast.scene, layer())
+    assert cast.rig.reason.startswith(reason) and not cast.rig.is_played
     cast.play()
 
 
@@ -209,12 +209,12 @@ def test_bones_that_follow_what_may_move_on_the_same_armature(cast, follow, make
 )
 def test_bones_that_follow_what_hangs_on_the_same_armature(cast, follow, make, bone):
     aims = hang(cast, follow, make, bone)
-    cast.freeze()
+    cast.take_over()
     for _ in range(2):
         for frame in FRAMES:
             cast.scene.frame_set(frame)
             cast.assert_same()
-            assert cast.rig.is_frozen
+            assert cast.rig.is_played
             ours, theirs = (aim.evaluated_get(depsgraph()).matrix_world for aim in aims)
             assert ours == theirs
     for aim in aims:
@@ -229,19 +229,19 @@ def test_bones_that_follow_what_hangs_on_the_same_armature(cast, follow, make, b
 
 def test_an_armature_that_knows_its_scene(cast):
     """As add-ons have it. Selecting edits the scene."""
-    cast.frozen[0]["scene"] = cast.scene
-    cast.freeze()
+    cast.played[0]["scene"] = cast.scene
+    cast.take_over()
     select(cast.live[0])
     layer().update()
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
-# --- between freezing and thawing -----------------------------------------------------------------
+# --- between taking over and handing back -----------------------------------------------------------------
 
 
 def test_a_bone_that_a_script_sets_and_keys_on_another_frame(cast):
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_set(3)
     for armature, *_ in both(cast):
         bone = armature.pose.bones["bone1"]
@@ -257,7 +257,7 @@ def test_a_driven_key_that_is_removed(cast):
     for armature, ob, *_ in both(cast):
         drive_keys(armature, ob)
     layer().update()
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_set(5)
     for _, ob, *_ in both(cast):
         wide = ob.data.shape_keys.key_blocks["Wide"]
@@ -269,7 +269,7 @@ def test_a_driven_key_that_is_removed(cast):
     for _, ob, *_ in both(cast):
         ob.shape_key_clear()
     cast.play()
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
 
 
@@ -277,19 +277,19 @@ def test_weights_can_be_edited_while_bones_drive_keys(cast):
     for armature, ob, *_ in both(cast):
         drive_keys(armature, ob)
     layer().update()
-    cast.freeze()
+    cast.take_over()
     for _, ob, *_ in both(cast):
         ob.vertex_groups["bone1"].add(range(200), 0.7, "REPLACE")
         ob.data.update()
     layer().update()
     cast.assert_same()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 @pytest.mark.usefixtures("no_program")
-def test_a_handler_that_sets_a_frame_that_is_not_recorded_while_it_freezes(cast):
+def test_a_handler_that_sets_a_frame_that_is_not_recorded_while_it_takes_over(cast):
     def jump(scene, *_):
         if scene.frame_current != 40:
             scene.frame_set(40)
@@ -297,40 +297,40 @@ def test_a_handler_that_sets_a_frame_that_is_not_recorded_while_it_freezes(cast)
     cast.record()
     bpy.app.handlers.depsgraph_update_post.append(jump)
     try:
-        freezing().freeze([cast.rig], cast.scene, layer())
+        states().take_over([cast.rig], cast.scene, layer())
     finally:
         bpy.app.handlers.depsgraph_update_post.remove(jump)
     layer().update()
     cast.assert_same()
-    assert not cast.rig.is_frozen and cast.rig.reason
+    assert not cast.rig.is_played and cast.rig.reason
     cast.play()
 
 
 @pytest.mark.usefixtures("no_program")
-def test_freeze_right_after_an_edit_plays_what_is_missing(cast):
+def test_take_over_right_after_an_edit_plays_what_is_missing(cast):
     cast.record()
     cast.scene.frame_set(4)
     for armature, *_ in both(cast):
         armature.pose.bones["bone2"].constraints.new("LIMIT_SCALE").use_max_x = True
-    select(cast.frozen[0])
+    select(cast.played[0])
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
-    assert cast.rig.is_frozen and cast.rig.motion.record.runs() == [(1, 10)] and cast.scene.frame_current == 4
+    assert cast.rig.is_played and cast.rig.motion.record.runs() == [(1, 10)] and cast.scene.frame_current == 4
     select()
     cast.play()
 
 
-def test_freeze_plays_the_current_frame_outside_the_range(cast):
+def test_take_over_plays_the_current_frame_outside_the_range(cast):
     cast.scene.frame_set(30)
-    select(cast.frozen[0])
+    select(cast.played[0])
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
-    assert cast.rig.is_frozen and cast.scene.frame_current == 30
+    assert cast.rig.is_played and cast.scene.frame_current == 30
 
 
-def test_freeze_does_not_lose_a_pose_that_is_not_keyed(cast):
+def test_take_over_does_not_lose_a_pose_that_is_not_keyed(cast):
     cast.record()
     for armature, *_ in both(cast):
         armature.pose.bones["bone1"].location.x += 2
-    select(cast.frozen[0])
+    select(cast.played[0])
     with pytest.raises(RuntimeError, match=r'changes that are not keyed \(bone "bone1"\)'):
         bpy.ops.object.sinew_record()
     cast.assert_same()
@@ -339,16 +339,16 @@ def test_freeze_does_not_lose_a_pose_that_is_not_keyed(cast):
 def test_after_undo_nobody_is_told_of_changes_that_are_not_keyed(cast):
     cast.record()
     bpy.ops.ed.undo_push(message="before")
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_set(6)
     bpy.ops.ed.undo_push(message="a frame")
-    cast.frozen[3].location.x = 1
+    cast.played[3].location.x = 1
     bpy.ops.ed.undo_push(message="moved")
     cast.undo()
     cast.assert_same()
-    select(cast.frozen[0])
+    select(cast.played[0])
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
-    assert cast.rig.is_frozen, cast.rig.reason
+    assert cast.rig.is_played, cast.rig.reason
     select()
     cast.play()
 
@@ -374,21 +374,21 @@ def test_undo_of_an_edit_of_the_armature_drops_its_record(cast):
         armature.pose.bones["bone3"].constraints[0].owner_space = "LOCAL"
     layer().update()
     bpy.ops.ed.undo_push(message="constrained")
-    cast.freeze()
+    cast.take_over()
     cast.undo()
     cast.play()
-    cast.freeze()
+    cast.take_over()
     cast.play()
 
 
 @pytest.mark.usefixtures("no_program")
-def test_freezing_again_and_again_parses_one_expression(cast, monkeypatch):
+def test_taking_over_again_and_again_parses_one_expression(cast, monkeypatch):
     relations, found = addon_module("host.relations"), []
     parsed = relations._parsed
     monkeypatch.setattr(relations, "_parsed", lambda *given: found.append(parsed(*given)) or found[-1])
     for _ in range(4):
-        cast.freeze()
-        cast.thaw()
+        cast.take_over()
+        cast.hand_back()
     assert len(found) > 2 and len(set(found)) == 1
 
 
@@ -406,7 +406,7 @@ def reads(monkeypatch):
 
 @pytest.mark.usefixtures("no_program")
 def test_another_action_is_no_reason_to_compare(cast, reads):
-    cast.freeze()
+    cast.take_over()
     cast.play([4])
     reads.clear()
     curve = fcurves(cast.live[0])[0]
@@ -414,8 +414,8 @@ def test_another_action_is_no_reason_to_compare(cast, reads):
         curve.keyframe_points[1].co.y += 0.1
         curve.update()
         layer().update()
-    assert cast.rig.is_frozen and reads == []
-    curve = fcurves(cast.frozen[0])[0]
+    assert cast.rig.is_played and reads == []
+    curve = fcurves(cast.played[0])[0]
     curve.keyframe_points[1].co.y += 0.3
     curve.update()
     layer().update()
@@ -428,7 +428,7 @@ def test_a_handler_that_has_blender_evaluate_after_each_frame(cast, reads):
         scene.view_layers[0].update()
 
     recorded().learn(cast.live[0])  # stays live
-    cast.freeze()
+    cast.take_over()
     reads.clear()
     for place in (0, len(bpy.app.handlers.frame_change_post) + 1):
         bpy.app.handlers.frame_change_post.insert(place, update)
@@ -436,17 +436,17 @@ def test_a_handler_that_has_blender_evaluate_after_each_frame(cast, reads):
             cast.play()
         finally:
             bpy.app.handlers.frame_change_post.remove(update)
-        assert cast.rig.is_frozen and cast.rig.motion.record.runs() == [(1, 10)]
+        assert cast.rig.is_played and cast.rig.motion.record.runs() == [(1, 10)]
         assert recorded().get(cast.live[0]).motion.record.runs() == [(1, 10)]
     assert reads == []
 
 
-def test_posing_another_thaws_nobody(cast):
-    cast.freeze()
+def test_posing_another_hands_back_nobody(cast):
+    cast.take_over()
     for frame in FRAMES:
         cast.live[0].pose.bones["bone1"].location.x = frame
         cast.scene.frame_set(frame)
-        assert cast.rig.is_frozen
+        assert cast.rig.is_played
 
 
 @pytest.mark.usefixtures("no_program")
@@ -473,13 +473,13 @@ def test_one_that_is_edited_on_each_frame_is_not_recorded(cast):
         for _ in range(4):
             cast.play()
         assert count < 20
-        freezing().freeze([cast.rig], cast.scene, layer())
+        states().take_over([cast.rig], cast.scene, layer())
         assert "is edited on each frame: switch off" in cast.rig.reason
         cast.play()
     finally:
         dependencies.used = used
         bpy.app.handlers.frame_change_pre.remove(edit)
-    select(cast.frozen[0])
+    select(cast.played[0])
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
     select()
     cast.play()
@@ -488,17 +488,17 @@ def test_one_that_is_edited_on_each_frame_is_not_recorded(cast):
 @pytest.mark.usefixtures("no_program")
 def test_an_edit_after_blender_has_built_relations_on_a_new_frame(cast):
     """It evaluates twice then, and calls handlers only after the first time."""
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_set(1)
     cast.scene.collection.objects.link(bpy.data.objects.new("New", None))
     cast.scene.frame_set(5)
-    assert not cast.rig.is_frozen
+    assert not cast.rig.is_played
     assert cast.rig.motion.record.runs() == [(1, 10)]
     for armature, *_ in both(cast):
         armature.pose.bones["side"].lock_location[0] = True  # which makes no difference, but Blender copies it again
     layer().update()
     assert len(cast.rig.motion.record) <= 1
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
 
 
@@ -509,12 +509,12 @@ def test_an_edit_after_blender_has_built_relations_on_a_new_frame(cast):
 def test_the_states(cast):
     rig = cast.rig
     assert rig.state is state("LIVE")
-    freezing().freeze([rig], cast.scene, layer())
+    states().take_over([rig], cast.scene, layer())
     assert rig.state is state("WANTED") and "is not recorded" in rig.reason
     cast.play()
-    freezing().freeze_again(cast.scene, layer())
-    assert rig.state is state("FROZEN")
-    select(cast.frozen[0])
+    states().take_over_again(cast.scene, layer())
+    assert rig.state is state("PLAYED")
+    select(cast.played[0])
     layer().update()
     assert rig.state is state("SUSPECT")
     cast.assert_same()
@@ -523,9 +523,9 @@ def test_the_states(cast):
     assert rig.state is state("WANTED")
     select()
     layer().update()
-    freezing().freeze_again(cast.scene, layer())
-    assert rig.state is state("FROZEN")
-    cast.thaw()
+    states().take_over_again(cast.scene, layer())
+    assert rig.state is state("PLAYED")
+    cast.hand_back()
     assert rig.state is state("LIVE")
     cast.play()
 
@@ -547,28 +547,28 @@ def test_an_error_half_way_leaves_a_state(cast, place, monkeypatch):
             monkeypatch.setattr(addon_module("played.reasons"), name, lambda *_: "")
     monkeypatch.setattr(owner, place, fail)
     with pytest.raises(ZeroDivisionError):
-        freezing().freeze([cast.rig], cast.scene, layer())
+        states().take_over([cast.rig], cast.scene, layer())
     monkeypatch.undo()
-    assert cast.rig.state is state("FROZEN" if place == "show" else "SUSPECT")
+    assert cast.rig.state is state("PLAYED" if place == "show" else "SUSPECT")
     cast.play()
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert cast.rig.is_frozen, cast.rig.reason
+    states().take_over([cast.rig], cast.scene, layer())
+    assert cast.rig.is_played, cast.rig.reason
     cast.play()
 
 
 @pytest.mark.usefixtures("no_program")
-def test_while_the_scene_plays_those_freeze_again_that_were_thawed_with_another(cast):
+def test_while_the_scene_plays_those_take_over_again_that_were_handed_back_with_another(cast):
     rigs = [recorded().learn(each[0]) for each in both(cast)]
     cast.play()
-    freezing().freeze(rigs, cast.scene, layer())
+    states().take_over(rigs, cast.scene, layer())
     select(cast.live[0])
     layer().update()
     cast.scene.frame_set(4)
     assert [rig.state for rig in rigs] == [state("WANTED")] * 2
-    freezing().freeze_again(cast.scene, layer(), is_playing=True)
-    assert [rig.is_frozen for rig in rigs] == [True, False]
+    states().take_over_again(cast.scene, layer(), is_playing=True)
+    assert [rig.is_played for rig in rigs] == [True, False]
     cast.play()
     cast.scene.frame_set(20)
     cast.scene.frame_set(2)
-    freezing().freeze_again(cast.scene, layer(), is_playing=True)
-    assert not rigs[0].is_frozen and "frame 20" in rigs[0].reason
+    states().take_over_again(cast.scene, layer(), is_playing=True)
+    assert not rigs[0].is_played and "frame 20" in rigs[0].reason

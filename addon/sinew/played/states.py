@@ -1,22 +1,23 @@
-"""Freezes and thaws armatures, each time by one building of Blender's relations. This module alone sets their states:
+"""Takes armatures over from Blender and hands them back, each time by one building of Blender's relations. This module
+alone sets their states:
 
-    LIVE     Blender evaluates it, and nobody wants it frozen.
-    WANTED   Blender evaluates it. It is to be frozen; `reason` says why it is not.
-    FROZEN   Blender does not evaluate it: its relations were built without its keyframes. It plays its record.
+    LIVE     Blender evaluates it, and nobody wants it played.
+    WANTED   Blender evaluates it. It is to be played; `reason` says why it is not.
+    PLAYED   Blender does not evaluate it: its relations were built without its keyframes. It plays its record.
     POSED    The same, but it was edited: Blender has evaluated its bones on this frame, from their channels. Only one
-             whose frames are computed: before the next frame its program is read again, and it is FROZEN.
-    SUSPECT  Relations may still be those of FROZEN, but something is in doubt, so its record is not played. They are
+             whose frames are computed: before the next frame its program is read again, and it is PLAYED.
+    SUSPECT  Relations may still be those of PLAYED, but something is in doubt, so its record is not played. They are
              tagged: Blender builds them anew in its next evaluation, with the keyframes.
 
-    LIVE -------- want, freeze --------> WANTED <--- settle: Blender has evaluated its keyframes ---+
+    LIVE -------- want, take over --------> WANTED <--- settle: Blender has evaluated its keyframes ---+
      ^ ^                                  |  |                                                      |
-     | +---------- keep_records ----------+  | freeze, freeze_again                                 |
+     | +---------- keep_records ----------+  | take over, take_over_again                                 |
      |                                       v                                                      |
-     +---------------- thaw -------------- FROZEN -------------- melt: any doubt --------------> SUSPECT
+     +---------------- hand back -------------- PLAYED -------------- melt: any doubt --------------> SUSPECT
      |                                      |  ^                                                    ^
      |                         pose: edited |  | resume: its program was read                       |
      |                                      v  |                                                    |
-     +---------------- thaw --------------- POSED -------------- melt: any doubt -------------------+
+     +---------------- hand back --------------- POSED -------------- melt: any doubt -------------------+
 
 `_build` makes all that it changes SUSPECT first. So if it ends by an exception, they are live after the next
 evaluation, and nothing of them is wrong."""
@@ -45,14 +46,14 @@ def is_building() -> bool:
     return _is_building
 
 
-def freeze(wanted: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
-    """Freezes armatures, and keeps those frozen that already are. `reason` of those that cannot be frozen says why.
+def take_over(wanted: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
+    """Takes armatures over, and keeps those played that already are. `reason` of those that cannot be played says why.
     Call it in the main thread, outside an evaluation. scene, layer: what a window shows."""
     wanted = list(wanted)
     for rig in wanted:
         rig.trial.rest.end()
     try:
-        _freeze(wanted, scene, layer)
+        _take_over(wanted, scene, layer)
     except contract.Broken as broken:
         layer.update()
         settle(layer.depsgraph)
@@ -61,36 +62,36 @@ def freeze(wanted: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
             rig.reason = str(broken)
 
 
-def _freeze(wanted: list[rigs.Rig], scene: Any, layer: Any) -> None:
-    """Does what freeze says. Raises contract.Broken."""
-    if not contract.has(features.FREEZING):
-        raise contract.Broken(contract.why_not(features.FREEZING))
+def _take_over(wanted: list[rigs.Rig], scene: Any, layer: Any) -> None:
+    """Does what take over says. Raises contract.Broken."""
+    if not contract.has(features.PLAYING):
+        raise contract.Broken(contract.why_not(features.PLAYING))
     layer.update()
     settle(layer.depsgraph)
-    own = {rig.key: rig for rig in (*wanted, *rigs.frozen()) if rigs.is_alive(rig.ob)}
+    own = {rig.key: rig for rig in (*wanted, *rigs.played()) if rigs.is_alive(rig.ob)}
     for rig in own.values():
         want(rig, rig.trial.needs_program)
     if evaluations.is_job_running():
         for rig in wanted:
-            if not rig.is_frozen:
+            if not rig.is_played:
                 rig.reason = f"{rig.name} waits until Blender has rendered or baked"
         return
     for _ in range(MOST_ATTEMPTS):
-        chosen = reasons.freezable(own, scene, layer)
+        chosen = reasons.playable(own, scene, layer)
         _build(list(chosen.values()), scene, layer)
-        if all(rig.is_frozen for rig in chosen.values()):
+        if all(rig.is_played for rig in chosen.values()):
             return
         layer.update()  # a handler has edited something meanwhile
         settle(layer.depsgraph)
     for rig in chosen.values():
-        if not rig.is_frozen:
+        if not rig.is_played:
             rig.reason = rig.reason or (
                 f"{rig.name} is changed after each evaluation: switch off the script or add-on that does it"
             )
 
 
 def want(rig: rigs.Rig, needs_program: bool = False) -> None:
-    """Freezes an armature as soon as it can be. needs_program: only if it can be computed, and nobody has asked for
+    """Takes an armature over as soon as it can be. needs_program: only if it can be computed, and nobody has asked for
     more."""
     if rig.state is State.LIVE:
         rig.state = State.WANTED
@@ -107,22 +108,22 @@ def keep_records(rig: rigs.Rig) -> None:
             rig.state = State.LIVE
 
 
-def thaw(chosen: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
-    """Thaws armatures, on this frame, and keeps the others frozen. Call it in the main thread, outside an
-    evaluation."""
+def hand_back(chosen: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
+    """Hands armatures back to Blender, on this frame, and keeps the others played. Call it in the main thread, outside
+    an evaluation."""
     chosen = list(chosen)
-    if contract.has(features.FREEZING):
-        _build([rig for rig in rigs.frozen() if rig not in chosen], scene, layer)
+    if contract.has(features.PLAYING):
+        _build([rig for rig in rigs.played() if rig not in chosen], scene, layer)
     else:
         melt_all()
     for rig in chosen:
         rig.state, rig.reason = State.LIVE, ""
 
 
-def keep_frozen(scene: Any, layer: Any) -> None:
-    """Builds relations without the keyframes of what is frozen, where Blender would build them with these in its next
+def keep_played(scene: Any, layer: Any) -> None:
+    """Builds relations without the keyframes of what is played, where Blender would build them with these in its next
     evaluation. Call it in the main thread, outside an evaluation."""
-    _build(rigs.frozen(), scene, layer)
+    _build(rigs.played(), scene, layer)
 
 
 def keeps_live() -> bool:
@@ -134,21 +135,21 @@ def keeps_live() -> bool:
 def all_live(scene: Any, layer: Any) -> Iterator[None]:
     """Has Blender evaluate all armatures inside the `with` block."""
     global _keeps_live
-    own, before = rigs.frozen(), _keeps_live
+    own, before = rigs.played(), _keeps_live
     if own:
-        thaw(own, scene, layer)
+        hand_back(own, scene, layer)
     _keeps_live = True
     try:
         yield
     finally:
         _keeps_live = before
         if own:
-            freeze(own, scene, layer)
+            take_over(own, scene, layer)
 
 
 def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
-    """Freezes exactly these armatures. All others are evaluated on this frame. While another thread may evaluate, which
-    could see originals without their keyframes, all are: they are frozen again later."""
+    """Takes exactly these armatures over. All others are evaluated on this frame. While another thread may evaluate,
+    which could see originals without their keyframes, all are: they are played again later."""
     chosen = [] if evaluations.is_job_running() else chosen
     graph, before = layer.depsgraph, rigs.idle()
     at_home = rigs.at_home(graph)
@@ -157,13 +158,13 @@ def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
     if not chosen and not before:
         return
     for rig in {rig.key: rig for rig in (*before, *chosen)}.values():
-        if rig.is_frozen and rig not in chosen:
+        if rig.is_played and rig not in chosen:
             _evaluate_keys(rig)
         rig.state = State.SUSPECT
     try:
         _rebuild(chosen, at_home, layer)
         watch.expect_no_more(graph)  # no handler has seen that evaluation
-        moved = [rig for rig in chosen if _settle_frozen(rig, scene, layer)]
+        moved = [rig for rig in chosen if _settle_played(rig, scene, layer)]
         own = [rig.followers for rig in moved]
         followed = [
             block for each in own for block in (*each.copied, *each.keyframed) if rigs.is_evaluated(block, graph)
@@ -240,8 +241,8 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
             relations.type_again(found, original)
 
 
-def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
-    """Writes the pose of an armature that was just frozen. Returns whether its bones had another pose, so that what
+def _settle_played(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
+    """Writes the pose of an armature that was just played. Returns whether its bones had another pose, so that what
     follows them has to be evaluated again."""
     graph, pose = layer.depsgraph, rigs.now(rig, scene)
     # Otherwise a handler has changed the frame, or relations.
@@ -249,11 +250,11 @@ def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
     # Without a parent that moves, Blender has put it elsewhere.
     is_shown = can_play and not rig.noticed.hangs_unseen and rigs.shows(rig, graph, pose)
     if not can_play or not is_shown and rig.followers.is_simulated:  # what is simulated would have to be tagged
-        watch.expect_thaw(graph, rig)
+        watch.expect_hand_back(graph, rig)
         relations.tag()
         return False
     rig.noticed.is_selected = not _selected(layer).isdisjoint(rig.followers.keys | {rig.key})
-    rig.shown.frame, rig.shown.moment, rig.state = rigs.whole_frame(scene), pose, State.FROZEN
+    rig.shown.frame, rig.shown.moment, rig.state = rigs.whole_frame(scene), pose, State.PLAYED
     if rig.source.is_proven:
         rig.motion.record.clear()
     rig.noticed.animation, rig.noticed.asks_for_keys = rigs.animation_of(rig.ob), False
@@ -272,7 +273,7 @@ def settle(graph: Any) -> None:
 
 
 def pose(rig: rigs.Rig) -> bool:
-    """Lets Blender evaluate the bones of a frozen armature that was edited, from a handler. Returns whether it may: not
+    """Lets Blender evaluate the bones of a played armature that was edited, from a handler. Returns whether it may: not
     if the edit moves what it follows, such as a curve that its own bones bend, while Blender does not see all of
     that."""
     changes.drop_all(rig)
@@ -316,7 +317,7 @@ def look_at_keys(rig: rigs.Rig, graph: Any, is_new_frame: bool) -> None:
 
 
 def resume(posed: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
-    """Reads the programs of edited armatures again, from a handler, and has them frozen. Returns why others cannot be,
+    """Reads the programs of edited armatures again, from a handler, and has them played. Returns why others cannot be,
     by key."""
     posed = list(posed)
     _drop_edited(posed, graph)
@@ -330,7 +331,7 @@ def resume(posed: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
         if rig.key not in found:
             rig.motion.watch.expect_edited(graph)
             rig.source.is_proven = True
-            rig.state, rig.shown.frame = State.FROZEN, None
+            rig.state, rig.shown.frame = State.PLAYED, None
     return found
 
 
@@ -371,14 +372,14 @@ def _read_anew(unread: list[rigs.Rig], graph: Any) -> dict[int, str]:
     for rig in unread:
         own = each_followers[rig.ob]
         try:
-            if isinstance(own, followers.NotFreezable):
+            if isinstance(own, followers.NotPlayable):
                 raise own
             reasons.check(rig.ob, graph.view_layer)
             changes.meet(rig, own, users, graph)
             computing.read(rig, rig.home.scene, graph)
             if not rig.trust.is_posable:
-                raise followers.NotFreezable(rig.source.refusal or f"{rig.name} was edited")
-        except followers.NotFreezable as reason:
+                raise followers.NotPlayable(rig.source.refusal or f"{rig.name} was edited")
+        except followers.NotPlayable as reason:
             found[rig.key] = str(reason)
     return found
 
@@ -394,15 +395,15 @@ def _is_behind(rig: rigs.Rig, graph: Any) -> bool:
 
 
 def select(graph: Any) -> None:
-    """Thaws what has been selected since the last look, before anybody can edit it, unless it can be POSED. Call it in
-    a handler."""
+    """Hands back what has been selected since the last look, before anybody can edit it, unless it can be POSED. Call
+    it in a handler."""
     selected, reasons = _selected(graph.view_layer), {}
     for rig in rigs.known():
         was, rig.noticed.is_selected = (
             rig.noticed.is_selected,
             rig.key in selected or not selected.isdisjoint(rig.followers.keys),
         )
-        if rig.is_frozen and rig.noticed.is_selected and not was and not rig.trust.is_posable:
+        if rig.is_played and rig.noticed.is_selected and not was and not rig.trust.is_posable:
             reasons[rig.key] = f"{rig.name} is selected"
     if reasons:
         melt(graph, reasons)
@@ -413,18 +414,18 @@ def _selected(layer: Any) -> set[int]:
 
 
 def melt(graph: Any, reasons: dict[int, str]) -> None:
-    """Thaws all armatures that are frozen in a graph, from a handler: Blender evaluates them in the evaluation that
-    follows, or once more in the one that has called the handler. reasons: {key of an armature: why}; the others may be
-    frozen again at once."""
+    """Hands all armatures back that are played in a graph, from a handler: Blender evaluates them in the evaluation
+    that follows, or once more in the one that has called the handler. reasons: {key of an armature: why}; the others
+    may be played again at once."""
     own = [rig for rig in rigs.idle() if rig.graph() in (graph, None)]
     for rig in own:
         rig.reason = reasons.get(rig.key, "")
         if rig.reason:
             rig.motion.last = None
-        if rig.is_frozen or rig.shown.frame is None:
+        if rig.is_played or rig.shown.frame is None:
             _evaluate_keys(rig)
         rig.state = State.SUSPECT
-        watch.expect_thaw(graph, rig)
+        watch.expect_hand_back(graph, rig)
         for ob in rig.followers.hooked:  # Blender calls no handler after it, so nobody updates deformed copies
             if rigs.is_alive(ob) and ob.sinew.installed_output == "MESH":
                 mail.post(mail.REWIRE, values.key_of(ob))
@@ -443,8 +444,8 @@ def _tag_relations(graph: Any, own: Sequence[rigs.Rig]) -> None:
 
 def follow_tracks(scene: Any) -> None:
     """Has Blender build relations if NLA tracks of a scene were muted or are no longer, from a handler before its
-    evaluation. Those that it has built while a track was muted, as after a thaw, lack its strips (5.2): their bones
-    would be evaluated before them."""
+    evaluation. Those that it has built while a track was muted, as after handing back, lack its strips (5.2): their
+    bones would be evaluated before them."""
     for rig in rigs.known():
         graph = rig.graph()
         if graph is None or graph.scene != scene:
@@ -455,7 +456,7 @@ def follow_tracks(scene: Any) -> None:
 
 
 def melt_all() -> None:
-    """Thaws everything, as after an error or an undo step, from a handler. Records are kept and checked again."""
+    """Hands everything back, as after an error or an undo step, from a handler. Records are kept and checked again."""
     for rig in rigs.known():
         rig.reason = ""
     for graph in rigs.graphs(rigs.idle()):
@@ -466,7 +467,7 @@ def melt_all() -> None:
 
 
 def _evaluate_keys(rig: rigs.Rig) -> None:
-    """Has Blender evaluate the keyframes of an armature that is thawed. If the originals have the channels of this
+    """Has Blender evaluate the keyframes of an armature that is handed back. If the originals have the channels of this
     frame, they are left as they are: somebody may just have edited them."""
     is_here = (
         rig.shown.frame is not None
@@ -488,9 +489,9 @@ def _has_other_keys(ob: Any) -> bool:
     )
 
 
-def freeze_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
-    """Freezes what is wanted frozen, is not selected, and is computed or recorded on this frame. is_playing: freezes
-    only what was thawed because another one was. Call it in the main thread, outside an evaluation."""
+def take_over_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
+    """Takes over what is wanted played, is not selected, and is computed or recorded on this frame. is_playing: takes
+    over only what was handed back because another one was. Call it in the main thread, outside an evaluation."""
     layer.update()  # an edit that Blender has yet to evaluate would count as a difference
     settle(layer.depsgraph)
     waiting = [
@@ -513,12 +514,12 @@ def freeze_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
         and (rig.ob.mode == "OBJECT" or rig.trust.is_posable and rig.ob.mode == "POSE")
     ]
     if waiting:
-        freeze(waiting, scene, layer)
+        take_over(waiting, scene, layer)
 
 
 def find_again() -> None:
-    """Finds all armatures again after an undo step, and thaws them. Blender has replaced what the step has changed: a
-    record is kept if all that its pose depends on is still there."""
+    """Finds all armatures again after an undo step, and hands them back. Blender has replaced what the step has
+    changed: a record is kept if all that its pose depends on is still there."""
     rigs.find_again()
     for rig in rigs.known():
         graph = rig.graph()

@@ -1,4 +1,4 @@
-"""Frozen characters look like live ones on each frame, to the bit, and Blender does not evaluate their bones. Whatever
+"""Played characters look like live ones on each frame, to the bit, and Blender does not evaluate their bones. Whatever
 is edited, nobody sees an old shape."""
 
 import dataclasses
@@ -30,8 +30,8 @@ pytestmark = needs_memory
 FRAMES = range(1, 11)
 
 
-def freezing():
-    return addon_module("played.freezing")
+def states():
+    return addon_module("played.states")
 
 
 def recorded():
@@ -43,12 +43,12 @@ def layer():
 
 
 class Cast:
-    """Two characters: a bound mesh, a mesh that Blender deforms, and a prop in the hand. Only the first is frozen; the
+    """Two characters: a bound mesh, a mesh that Blender deforms, and a prop in the hand. Only the first is played; the
     second has the same pose, and is live."""
 
     def __init__(self, scene):
         self.scene = scene
-        self.frozen, self.live = self.make(), self.make()
+        self.played, self.live = self.make(), self.make()
         scene.frame_set(1)
         select()
 
@@ -67,7 +67,7 @@ class Cast:
 
     @property
     def rig(self):
-        return recorded().learn(self.frozen[0])
+        return recorded().learn(self.played[0])
 
     def play(self, frames=FRAMES):
         """Compares both on these frames. Returns the shapes of the first."""
@@ -75,7 +75,7 @@ class Cast:
         for frame in frames:
             self.scene.frame_set(frame)
             self.assert_same()
-            found.append(evaluated(self.frozen[1]).copy())
+            found.append(evaluated(self.played[1]).copy())
         return np.array(found)
 
     def follow_keyed_object(self, bone):
@@ -85,7 +85,7 @@ class Cast:
         for frame in (1, 10):
             target.location.x = frame
             target.keyframe_insert("location", frame=frame)
-        for armature in (self.frozen[0], self.live[0]):
+        for armature in (self.played[0], self.live[0]):
             armature.pose.bones[bone].constraints.new("COPY_LOCATION").target = target
 
     def record(self):
@@ -93,30 +93,30 @@ class Cast:
         self.play()
         assert self.rig.motion.record.runs() == [(1, 10)]
 
-    def freeze(self):
+    def take_over(self):
         if not len(self.rig.motion.record):
             self.record()
-        freezing().freeze([self.rig], self.scene, layer())
+        states().take_over([self.rig], self.scene, layer())
         assert self.rig.reason == ""
-        assert self.rig.is_frozen
+        assert self.rig.is_played
 
-    def thaw(self):
-        freezing().thaw([self.rig], self.scene, layer())
-        assert not self.rig.is_frozen
+    def hand_back(self):
+        states().hand_back([self.rig], self.scene, layer())
+        assert not self.rig.is_played
 
     def undo(self):
-        names = [[ob.name for ob in each] for each in (self.frozen, self.live)]
+        names = [[ob.name for ob in each] for each in (self.played, self.live)]
         bpy.ops.ed.undo()
-        self.frozen, self.live = ([bpy.data.objects[name] for name in each] for each in names)
+        self.played, self.live = ([bpy.data.objects[name] for name in each] for each in names)
         self.scene = bpy.context.scene
         layer().update()
 
     def assert_same(self):
-        assert np.array_equal(evaluated(self.frozen[1]), evaluated(self.live[1]))
-        assert np.array_equal(evaluated(self.frozen[2]), evaluated(self.live[2]))
-        ours, theirs = (each[3].evaluated_get(depsgraph()).matrix_world for each in (self.frozen, self.live))
+        assert np.array_equal(evaluated(self.played[1]), evaluated(self.live[1]))
+        assert np.array_equal(evaluated(self.played[2]), evaluated(self.live[2]))
+        ours, theirs = (each[3].evaluated_get(depsgraph()).matrix_world for each in (self.played, self.live))
         assert ours == theirs
-        ours, theirs = (matrices_of(each[0]) for each in (self.frozen, self.live))
+        ours, theirs = (matrices_of(each[0]) for each in (self.played, self.live))
         assert np.array_equal(ours, theirs)
 
 
@@ -131,7 +131,7 @@ def saved_cast():
     cast = Cast(bpy.context.scene)
     path = str(Path(tempfile.mkdtemp()) / "cast.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
-    return path, [[ob.name for ob in each] for each in (cast.frozen, cast.live)]
+    return path, [[ob.name for ob in each] for each in (cast.played, cast.live)]
 
 
 def opened_cast(last=None):
@@ -140,7 +140,7 @@ def opened_cast(last=None):
     bpy.ops.wm.read_homefile(filepath=path)
     cast = Cast.__new__(Cast)
     cast.scene = bpy.context.scene
-    cast.frozen, cast.live = ([bpy.data.objects[name] for name in each] for each in names)
+    cast.played, cast.live = ([bpy.data.objects[name] for name in each] for each in names)
     if last is not None:
         cast.scene.frame_end = last
     cast.scene.frame_set(1)
@@ -152,10 +152,10 @@ def cast():
     return opened_cast()
 
 
-def test_a_frozen_character_plays_as_a_live_one(cast):
-    cast.freeze()
+def test_a_played_character_plays_as_a_live_one(cast):
+    cast.take_over()
     shapes = cast.play([*FRAMES, 3, 9, 1])
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     assert np.ptp(shapes, axis=0).max() > 0.1
 
 
@@ -163,92 +163,92 @@ def test_a_bound_mesh_that_is_left_to_blender_plays_too(fresh_scene, monkeypatch
     """Blender does not call its hook any more."""
     monkeypatch.setattr(addon_module("plan.ways"), "FEWEST_VERTICES", {"ATTRIBUTE": 10_000, "KEYS": 10_000})
     cast = Cast(fresh_scene)
-    cast.freeze()
+    cast.take_over()
     shapes = cast.play()
-    assert cast.rig.is_frozen and not is_deforming(cast.frozen[1]) and len(np.unique(shapes[:, 0], axis=0)) > 5
-    cast.thaw()
+    assert cast.rig.is_played and not is_deforming(cast.played[1]) and len(np.unique(shapes[:, 0], axis=0)) > 5
+    cast.hand_back()
     assert np.array_equal(cast.play(), shapes)
 
 
 @pytest.mark.usefixtures("no_program")
 def test_its_bones_are_not_evaluated(cast):
     """What the record holds is what everybody sees."""
-    cast.freeze()
+    cast.take_over()
     cast.rig.motion.record.put(7, cast.rig.motion.record.at(2))
     cast.scene.frame_set(2)
-    wanted = evaluated(cast.frozen[1]).copy()
+    wanted = evaluated(cast.played[1]).copy()
     cast.scene.frame_set(7)
-    assert np.array_equal(evaluated(cast.frozen[1]), wanted)
+    assert np.array_equal(evaluated(cast.played[1]), wanted)
     assert not np.array_equal(evaluated(cast.live[1]), wanted)
 
 
-def test_freezing_changes_no_shape_and_thawing_neither(cast):
+def test_taking_over_changes_no_shape_and_handing_back_neither(cast):
     cast.record()
     cast.scene.frame_set(6)
     cast.assert_same()
-    cast.freeze()
+    cast.take_over()
     cast.assert_same()
-    cast.thaw()
+    cast.hand_back()
     cast.assert_same()
     cast.play()
 
 
-def test_thawing_on_another_frame_restores_the_channels(cast):
-    cast.freeze()
+def test_handing_back_on_another_frame_restores_the_channels(cast):
+    cast.take_over()
     cast.scene.frame_set(8)
-    cast.thaw()
+    cast.hand_back()
     cast.assert_same()
-    for ours, theirs in zip(cast.frozen[0].pose.bones, cast.live[0].pose.bones):
+    for ours, theirs in zip(cast.played[0].pose.bones, cast.live[0].pose.bones):
         assert ours.location == theirs.location
         assert ours.rotation_quaternion == theirs.rotation_quaternion
 
 
 @pytest.mark.usefixtures("no_program")
 def test_frames_that_are_not_recorded_are_live(cast):
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_set(12)
-    assert not cast.rig.is_frozen
+    assert not cast.rig.is_played
     assert "frame 12 of" in cast.rig.reason
     cast.assert_same()
 
 
 @pytest.mark.usefixtures("no_program")
 def test_between_two_frames_one_that_is_recorded_is_live(cast):
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_set(4, subframe=0.5)
-    assert not cast.rig.is_frozen
+    assert not cast.rig.is_played
     cast.assert_same()
     cast.play()
-    cast.freeze()
+    cast.take_over()
 
 
 def test_a_frame_that_is_set_without_a_frame_change_is_right(cast):
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_current = 6
     layer().update()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     cast.assert_same()
 
 
-def test_adding_an_object_thaws_it(cast):
-    cast.freeze()
+def test_adding_an_object_hands_back_it(cast):
+    cast.take_over()
     cast.scene.frame_set(7)
     ob = bpy.data.objects.new("Other", None)
     cast.scene.collection.objects.link(ob)
     layer().update()
     cast.assert_same()
-    assert not cast.rig.is_frozen
+    assert not cast.rig.is_played
     cast.play()
-    freezing().freeze_again(cast.scene, layer())
-    assert cast.rig.is_frozen
+    states().take_over_again(cast.scene, layer())
+    assert cast.rig.is_played
     cast.play()
 
 
 @pytest.mark.usefixtures("no_program")
 def test_moving_a_key_drops_the_record(cast):
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_set(5)
-    for armature, *_ in (cast.frozen, cast.live):
+    for armature, *_ in (cast.played, cast.live):
         curves = addon_module("blender.animation").action_curves(armature.animation_data.action)
         curve = next(each for each in curves if "bone1" in each.data_path and "location" in each.data_path)
         curve.keyframe_points[3].co.y += 1
@@ -256,7 +256,7 @@ def test_moving_a_key_drops_the_record(cast):
         curve.keyframe_points[3].handle_right.y += 1
         curve.update()
     layer().update()
-    assert len(cast.rig.motion.record) == 0 and not cast.rig.is_frozen
+    assert len(cast.rig.motion.record) == 0 and not cast.rig.is_played
     cast.assert_same()
     cast.play()
     assert cast.rig.motion.record.runs() == [(1, 10)]
@@ -318,28 +318,28 @@ EDITS = [value for name, value in list(globals().items()) if name.startswith("ed
 @pytest.mark.parametrize("edit", EDITS)
 @pytest.mark.parametrize("then", ["update", "frame"])
 def test_an_edit_by_a_script_is_never_missed(cast, edit, then):
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_set(5)
-    for armature, *_ in (cast.frozen, cast.live):
+    for armature, *_ in (cast.played, cast.live):
         edit(armature)
     if then == "update":
         layer().update()
         cast.assert_same()
     cast.play([2, 5, 8])
     cast.play()
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
 
 
 @pytest.mark.parametrize("edit", EDITS)
 def test_an_edit_of_a_recorded_character_is_never_missed(cast, edit):
-    """It is live and has a record, and is frozen after the edit."""
+    """It is live and has a record, and is played after the edit."""
     cast.record()
     cast.scene.frame_set(5)
-    for armature, *_ in (cast.frozen, cast.live):
+    for armature, *_ in (cast.played, cast.live):
         edit(armature)
     cast.scene.frame_set(4)
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
 
 
@@ -367,53 +367,53 @@ def edit_keys(ob):
 
 
 @pytest.mark.parametrize("edit", [edit_mesh, edit_weights, edit_modifier, edit_keys])
-def test_an_edit_of_a_mesh_shows_while_its_armature_is_frozen(cast, edit):
-    cast.freeze()
+def test_an_edit_of_a_mesh_shows_while_its_armature_is_played(cast, edit):
+    cast.take_over()
     cast.scene.frame_set(5)
-    for _, ob, *_ in (cast.frozen, cast.live):
+    for _, ob, *_ in (cast.played, cast.live):
         edit(ob)
     layer().update()
     cast.assert_same()
     cast.play()
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 @pytest.mark.usefixtures("no_program")
-def test_selecting_it_thaws_it(cast):
-    cast.freeze()
+def test_selecting_it_hands_back_it(cast):
+    cast.take_over()
     cast.scene.frame_set(6)
-    select(cast.frozen[1])
+    select(cast.played[1])
     layer().update()
-    assert not cast.rig.is_frozen
+    assert not cast.rig.is_played
     cast.assert_same()
-    freezing().freeze_again(cast.scene, layer())
-    assert not cast.rig.is_frozen
+    states().take_over_again(cast.scene, layer())
+    assert not cast.rig.is_played
     select()
     layer().update()
-    freezing().freeze_again(cast.scene, layer())
-    assert cast.rig.is_frozen
+    states().take_over_again(cast.scene, layer())
+    assert cast.rig.is_played
     cast.play()
 
 
 def test_an_unkeyed_pose_stays_live(cast):
     cast.record()
-    for armature, *_ in (cast.frozen, cast.live):
+    for armature, *_ in (cast.played, cast.live):
         armature.pose.bones["bone1"].location.x += 2
     layer().update()
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert not cast.rig.is_frozen
+    states().take_over([cast.rig], cast.scene, layer())
+    assert not cast.rig.is_played
     assert "not keyed" in cast.rig.reason
     cast.assert_same()
 
 
 def test_a_handler_that_moves_bones_after_each_frame_is_noticed(cast):
     def move(scene, *_):
-        for armature, *_ in (cast.frozen, cast.live):
+        for armature, *_ in (cast.played, cast.live):
             armature.pose.bones["side"].location.x = scene.frame_current
 
-    for armature, *_ in (cast.frozen, cast.live):
+    for armature, *_ in (cast.played, cast.live):
         addon_module("blender.animation")
         curves = addon_module("blender.animation").action_curves(armature.animation_data.action)
         assert any("side" in curve.data_path for curve in curves)
@@ -421,7 +421,7 @@ def test_a_handler_that_moves_bones_after_each_frame_is_noticed(cast):
     bpy.app.handlers.frame_change_post.insert(0, move)
     try:
         cast.play()
-        freezing().freeze([cast.rig], cast.scene, layer())
+        states().take_over([cast.rig], cast.scene, layer())
         cast.play()
     finally:
         bpy.app.handlers.frame_change_post.remove(move)
@@ -430,27 +430,27 @@ def test_a_handler_that_moves_bones_after_each_frame_is_noticed(cast):
 def test_a_second_view_layer_is_live(cast):
     other = cast.scene.view_layers.new("Other")
     cast.record()
-    cast.freeze()
+    cast.take_over()
     for frame in (3, 8):
         cast.scene.frame_set(frame)
         cast.assert_same()
         graph = other.depsgraph
-        assert np.array_equal(evaluated(cast.frozen[1], graph), evaluated(cast.live[1], graph))
-        assert cast.frozen[0].evaluated_get(graph).animation_data.action is not None
+        assert np.array_equal(evaluated(cast.played[1], graph), evaluated(cast.live[1], graph))
+        assert cast.played[0].evaluated_get(graph).animation_data.action is not None
 
 
 def test_undo_finds_everything_live_and_right(cast):
     bpy.ops.ed.undo_push(message="before")
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_set(8)
-    cast.frozen[3].location.x = 1
+    cast.played[3].location.x = 1
     bpy.ops.ed.undo_push(message="moved")
     cast.undo()
     for rig in recorded().known():
-        assert not rig.is_frozen
+        assert not rig.is_played
     cast.assert_same()
     cast.play()
-    cast.freeze()
+    cast.take_over()
     cast.play()
 
 
@@ -471,14 +471,14 @@ def script_that_compares(path, names):
     )
 
 
-def test_a_file_saved_while_frozen_is_as_live(cast, tmp_path):
-    cast.freeze()
+def test_a_file_saved_while_played_is_as_live(cast, tmp_path):
+    cast.take_over()
     cast.scene.frame_set(8)
-    path = tmp_path / "frozen.blend"
-    assert cast.rig.is_frozen
+    path = tmp_path / "played.blend"
+    assert cast.rig.is_played
     bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
     script = tmp_path / "compare.py"
-    script.write_text(script_that_compares(path, [(cast.frozen[i].name, cast.live[i].name) for i in (1, 2)]))
+    script.write_text(script_that_compares(path, [(cast.played[i].name, cast.live[i].name) for i in (1, 2)]))
     for options in ([], ["--factory-startup"]):
         result = subprocess.run(
             [*COMMAND, "-b", *options, "--python-exit-code", "1", "--python", str(script)],
@@ -491,35 +491,35 @@ def test_a_file_saved_while_frozen_is_as_live(cast, tmp_path):
     assert recorded().known() == []
 
 
-def test_freezing_leaves_nothing_in_the_file(cast):
+def test_taking_over_leaves_nothing_in_the_file(cast):
     def state():
-        data = cast.frozen[0].animation_data
-        ob = cast.frozen[1]
+        data = cast.played[0].animation_data
+        ob = cast.played[1]
         hooks = [(curve.data_path, curve.driver.type, curve.driver.expression) for curve in ob.animation_data.drivers]
         return data.action.as_pointer(), data.action.users, hooks, [repr(each) for each in bpy.data.user_map()]
 
     cast.record()
     before = state()
-    cast.freeze()
+    cast.take_over()
     assert state() == before
     cast.play([4])
     assert state() == before
-    cast.thaw()
+    cast.hand_back()
     assert state() == before
 
 
-def test_handlers_of_others_see_the_action_while_it_freezes(cast):
+def test_handlers_of_others_see_the_action_while_it_takes_over(cast):
     seen = []
 
     def look(*_):
-        seen.append(cast.frozen[0].animation_data.action)
+        seen.append(cast.played[0].animation_data.action)
 
     cast.record()
     lists = (bpy.app.handlers.depsgraph_update_pre, bpy.app.handlers.depsgraph_update_post)
     for each in lists:
         each.insert(0, look)
     try:
-        cast.freeze()
+        cast.take_over()
     finally:
         for each in lists:
             each.remove(look)
@@ -529,13 +529,13 @@ def test_handlers_of_others_see_the_action_while_it_freezes(cast):
 
 def test_the_action_is_back_after_an_error(cast):
     relations = addon_module("host.relations")
-    action = cast.frozen[0].animation_data.action
+    action = cast.played[0].animation_data.action
     handlers = list(bpy.app.handlers.depsgraph_update_pre), list(bpy.app.handlers.depsgraph_update_post)
     with pytest.raises(ZeroDivisionError), relations.Rebuilding() as rebuilding:
-        rebuilding.without_animation(cast.frozen[0])
-        assert cast.frozen[0].animation_data.action is None
+        rebuilding.without_animation(cast.played[0])
+        assert cast.played[0].animation_data.action is None
         raise ZeroDivisionError
-    assert cast.frozen[0].animation_data.action == action
+    assert cast.played[0].animation_data.action == action
     assert handlers == (list(bpy.app.handlers.depsgraph_update_pre), list(bpy.app.handlers.depsgraph_update_post))
 
 
@@ -551,11 +551,11 @@ def test_an_unknown_layout_is_refused_in_a_sentence_and_all_else_works(cast, mon
     monkeypatch.setattr(layout, "structs", lambda: {**structs, "AnimData": dataclasses.replace(data, members=members)})
     contract.forget()
     try:
-        freezing().freeze([cast.rig], cast.scene, layer())
-        assert not cast.rig.is_frozen
+        states().take_over([cast.rig], cast.scene, layer())
+        assert not cast.rig.is_played
         assert "(AnimData has no nla_tracks), so no rig is native or recorded" in cast.rig.reason
         assert contract.trouble() == ""
-        assert is_deforming(cast.frozen[1])
+        assert is_deforming(cast.played[1])
         cast.play()
     finally:
         monkeypatch.undo()
@@ -574,12 +574,12 @@ def test_an_action_elsewhere_in_memory_is_refused(cast, monkeypatch):
     monkeypatch.setattr(contract, "region", elsewhere)
     try:
         with pytest.raises(contract.Broken, match="actions are not where they were"), relations.Rebuilding() as each:
-            each.without_animation(cast.frozen[0])
+            each.without_animation(cast.played[0])
     finally:
         monkeypatch.undo()
         contract.forget()
     cast.play()
-    cast.freeze()
+    cast.take_over()
 
 
 # --- what Blender evaluates -----------------------------------------------------------------------
@@ -589,16 +589,16 @@ import sys
 sys.path.insert(0, {folder!r})
 import bpy
 from helpers import addon_module, deform_small_meshes, select
-import test_frozen
+import test_played
 deform_small_meshes()
 bpy.ops.wm.read_homefile(use_empty=True)
-cast = test_frozen.Cast(bpy.context.scene)
-cast.freeze()
+cast = test_played.Cast(bpy.context.scene)
+cast.take over()
 sys.stdout.flush()
-print("== frozen", flush=True)
+print("== played", flush=True)
 bpy.context.scene.frame_set(5)
 print("== end", flush=True)
-cast.thaw()
+cast.hand back()
 print("== live", flush=True)
 bpy.context.scene.frame_set(6)
 print("== end", flush=True)
@@ -606,7 +606,7 @@ print("== end", flush=True)
 
 
 @needs_program
-def test_blender_evaluates_no_bone_of_a_frozen_armature(tmp_path):
+def test_blender_evaluates_no_bone_of_a_played_armature(tmp_path):
     script = tmp_path / "count.py"
     folder = str(__import__("pathlib").Path(__file__).parent)
     script.write_text(COUNTING.format(folder=folder))
@@ -619,11 +619,11 @@ def test_blender_evaluates_no_bone_of_a_frozen_armature(tmp_path):
     )
     assert result.returncode == 0, result.stdout[-3000:] + result.stderr
     evaluated_on = {}
-    for what in ("frozen", "live"):
+    for what in ("played", "live"):
         part = result.stdout.partition(f"== {what}")[2].partition("== end")[0]
-        # what is evaluated of the armature Rig, which is frozen at first, and of Rig.001, which never is
+        # what is evaluated of the armature Rig, which is played at first, and of Rig.001, which never is
         lines = re.findall(r"BKE_(pose_eval_\w+|pose_\w+_done|animsys_eval_\w+) on OB(Rig\S*) ", part)
         evaluated_on[what] = {name: [line for line, ob in lines if ob == name] for name in ("Rig", "Rig.001")}
-    assert evaluated_on["frozen"]["Rig"] == []
+    assert evaluated_on["played"]["Rig"] == []
     assert evaluated_on["live"]["Rig"].count("pose_eval_bone") == 6
-    assert sorted(evaluated_on["live"]["Rig"]) == sorted(evaluated_on["frozen"]["Rig.001"])
+    assert sorted(evaluated_on["live"]["Rig"]) == sorted(evaluated_on["played"]["Rig.001"])

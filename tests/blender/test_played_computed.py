@@ -5,8 +5,8 @@ import bpy
 import pytest
 
 from helpers import addon_module, needs_memory, needs_rig_programs, select
-from test_frozen import EDITS, FRAMES, freezing, layer, opened_cast, recorded
-from test_frozen_who import both, drive_keys
+from test_played import EDITS, FRAMES, layer, opened_cast, recorded, states
+from test_played_who import both, drive_keys
 
 pytestmark = [needs_rig_programs, needs_memory]
 
@@ -20,19 +20,19 @@ def cast():
     return opened_cast(last=10)
 
 
-def freeze_unplayed(cast):
-    """Freezes it on one frame. Nothing is recorded, before or after."""
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert cast.rig.is_frozen, cast.rig.reason
+def take_over_unplayed(cast):
+    """Takes it over on one frame. Nothing is recorded, before or after."""
+    states().take_over([cast.rig], cast.scene, layer())
+    assert cast.rig.is_played, cast.rig.reason
     assert cast.rig.source.is_proven and len(cast.rig.motion.record) == 0
 
 
 def test_frames_that_were_never_played_are_computed(cast):
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     cast.play([*FRAMES, 3, -7, 400])
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     assert len(cast.rig.motion.record) == 0
-    cast.thaw()
+    cast.hand_back()
     cast.play()
     assert not cast.rig.trust.is_distrusted
 
@@ -41,9 +41,9 @@ def test_shape_keys_that_it_drives_are_computed(cast):
     for armature, ob, *_ in both(cast):
         drive_keys(armature, ob)
     layer().update()
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     cast.play([*FRAMES, 30])
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     assert len({computing().moment(cast.rig, frame).keys for frame in FRAMES}) > 5
 
 
@@ -67,10 +67,10 @@ def test_a_key_that_also_follows_what_moves_by_itself_is_recorded(cast):
         variable.name, variable.type = "more", "TRANSFORMS"
         variable.targets[0].id, variable.targets[0].transform_type = follower, "LOC_Z"
     layer().update()
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
     assert "Follower, which may move" in cast.rig.source.refusal
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
 
 
@@ -78,22 +78,22 @@ def test_there_is_nothing_to_record(cast):
     played = []
     bpy.app.handlers.frame_change_pre.append(lambda scene, *_: played.append(scene.frame_current))
     try:
-        select(cast.frozen[0])
+        select(cast.played[0])
         assert bpy.ops.object.sinew_record() == {"FINISHED"}
     finally:
         bpy.app.handlers.frame_change_pre.pop()
     assert played == []
     assert len(cast.rig.motion.record) == 0
     select()
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 @pytest.mark.parametrize("edit", EDITS)
 @pytest.mark.parametrize("is_updated", [False, True])
 def test_an_edit_is_never_missed(cast, edit, is_updated):
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     cast.scene.frame_set(5)
     for armature, *_ in both(cast):
         edit(armature)
@@ -102,7 +102,7 @@ def test_an_edit_is_never_missed(cast, edit, is_updated):
         cast.assert_same()
     cast.scene.frame_set(8)
     cast.assert_same()
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
 
 
@@ -126,10 +126,10 @@ def key(cast, frame, bone="bone1"):
     layer().update()
 
 
-def test_it_is_posed_while_it_is_frozen(cast):
-    freeze_unplayed(cast)
+def test_it_is_posed_while_it_is_played(cast):
+    take_over_unplayed(cast)
     cast.scene.frame_set(3)
-    select(cast.frozen[0])
+    select(cast.played[0])
     layer().update()
     bpy.ops.object.mode_set(mode="POSE")
     layer().update()
@@ -143,29 +143,29 @@ def test_it_is_posed_while_it_is_frozen(cast):
     cast.assert_same()
     cast.scene.frame_set(4)
     cast.assert_same()
-    assert cast.rig.state is state("FROZEN")
+    assert cast.rig.state is state("PLAYED")
     cast.play()
     bpy.ops.object.mode_set(mode="OBJECT")
     cast.play([5, 2])
-    assert cast.rig.state is state("FROZEN")
+    assert cast.rig.state is state("PLAYED")
     key(cast, 2)
-    cast.thaw()
+    cast.hand_back()
     cast.play()
     assert not cast.rig.trust.is_distrusted
 
 
 def test_a_pose_that_is_not_keyed_is_lost_on_another_frame_as_ever(cast):
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     move(cast, 2)
     for armature, *_ in both(cast):
         armature.pose.bones["bone2"].bbone_rollin = 0.4  # which nothing animates
     cast.play([1, 2, 1])
-    assert cast.rig.state is state("FROZEN")
-    assert cast.frozen[0].pose.bones["bone2"].bbone_rollin == pytest.approx(0.4)
+    assert cast.rig.state is state("PLAYED")
+    assert cast.played[0].pose.bones["bone2"].bbone_rollin == pytest.approx(0.4)
 
 
 def test_an_edit_and_a_new_frame_at_once(cast):
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     for armature, *_ in both(cast):
         armature.pose.bones["bone1"].location.x += 2
         armature.pose.bones["bone1"].keyframe_insert("location", frame=4)
@@ -180,10 +180,10 @@ def move_key(armature):
     curve.update()
 
 
-@pytest.fixture(params=[False, True], ids=["frozen", "posed"])
+@pytest.fixture(params=[False, True], ids=["played", "posed"])
 def idle(cast, request):
     """Blender has built relations without its keyframes."""
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     cast.scene.frame_set(3)
     if request.param:
         move(cast, 2, "bone2")
@@ -207,11 +207,11 @@ def test_what_makes_blender_build_relations_keeps_the_pose(idle):
     cast.assert_same()
     layer().update()
     cast.assert_same()
-    freezing().freeze_again(cast.scene, layer())
+    states().take_over_again(cast.scene, layer())
     cast.assert_same()
     cast.play()
-    freezing().freeze_again(cast.scene, layer())
-    assert cast.rig.is_frozen
+    states().take_over_again(cast.scene, layer())
+    assert cast.rig.is_played
     cast.play()
 
 
@@ -235,7 +235,7 @@ def test_custom_properties_that_are_keyed(cast):
             variable = curve.driver.variables.new()
             variable.name, variable.targets[0].id, variable.targets[0].data_path = letter, armature, path
     cast.scene.frame_set(2)
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     for frame in (7, 10, 4):
         cast.scene.frame_set(frame)
         cast.assert_same()
@@ -281,7 +281,7 @@ def test_originals_have_what_keyframes_and_drivers_set(cast, switch):
         paths += [driven.path_from_id(name) for name in ("influence", "mute")]
         read.append([*paths, '["height"]', 'pose.bones["bone2"]["whole"]', 'pose.bones["bone2"]["yes"]'])
     cast.scene.frame_set(2)
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     seen = set()
     for frame in (7, 10, 4, 1):
         cast.scene.frame_set(frame)
@@ -290,16 +290,16 @@ def test_originals_have_what_keyframes_and_drivers_set(cast, switch):
         assert values[0] == values[1] and list(map(type, values[0])) == list(map(type, values[1])), frame
         seen.add(tuple(values[0]))
         if frame == 10:
-            select(cast.frozen[0])
+            select(cast.played[0])
             layer().update()
             move(cast, 2)
             cast.assert_same()
             assert cast.rig.state is state("POSED")
-    assert len(seen) == 4 and cast.rig.is_frozen
+    assert len(seen) == 4 and cast.rig.is_played
     cast.play()
 
 
-def test_one_whose_keyframes_set_other_things_is_thawed_to_be_edited(cast):
+def test_one_whose_keyframes_set_other_things_is_handed_back_to_be_edited(cast):
     for armature, *_ in both(cast):
         constraint = armature.pose.bones["side"].constraints.new("LIMIT_SCALE")
         constraint.use_max_x = True
@@ -307,9 +307,9 @@ def test_one_whose_keyframes_set_other_things_is_thawed_to_be_edited(cast):
             constraint.max_x = value
             constraint.keyframe_insert("max_x", frame=frame)
     cast.scene.frame_set(2)
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     cast.play([5])
-    select(cast.frozen[0])
+    select(cast.played[0])
     layer().update()
     assert not cast.rig.is_idle
     move(cast, 2)
@@ -318,21 +318,21 @@ def test_one_whose_keyframes_set_other_things_is_thawed_to_be_edited(cast):
 
 
 def test_between_two_frames(cast):
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     for frame, part in ((4, 0.5), (4, 0.75), (5, 0), (5, 0.25), (5, 0.25), (-3, 0.1), (4, 0.5)):
         cast.scene.frame_set(frame, subframe=part)
         cast.assert_same()
-        assert cast.rig.is_frozen
+        assert cast.rig.is_played
     assert len(cast.rig.motion.record) == 0
     cast.play()
 
 
 def test_half_a_frame_after_an_edit(cast):
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     move(cast, 2)
     cast.scene.frame_set(4, subframe=0.5)
     cast.assert_same()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     move(cast, 2)
     cast.assert_same()
     cast.scene.frame_set(4, subframe=0.25)
@@ -349,17 +349,17 @@ def undo_a_pose(cast):
 
 
 def test_undo_of_a_pose(cast):
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     undo_a_pose(cast)
-    freezing().freeze_again(cast.scene, layer())
+    states().take_over_again(cast.scene, layer())
     cast.play()
 
 
 def test_it_becomes_something_else_while_it_is_posed(cast):
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     move(cast, 2)
     for armature, *_ in both(cast):
-        armature.pose.bones["bone2"].constraints.new("SHRINKWRAP").target = cast.frozen[3]
+        armature.pose.bones["bone2"].constraints.new("SHRINKWRAP").target = cast.played[3]
     layer().update()
     cast.assert_same()
     cast.play()
@@ -367,7 +367,7 @@ def test_it_becomes_something_else_while_it_is_posed(cast):
 
 
 def test_edit_mode(cast):
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     for armature, *_ in both(cast):
         select(armature)
         bpy.context.view_layer.objects.active = armature
@@ -377,7 +377,7 @@ def test_edit_mode(cast):
         bpy.ops.object.mode_set(mode="OBJECT")
     cast.play([4, 6])
     select()
-    freezing().freeze_again(cast.scene, layer())
+    states().take_over_again(cast.scene, layer())
     cast.play()
 
 
@@ -386,7 +386,7 @@ def test_a_handler_that_poses_on_each_frame(cast):
         for armature, *_ in both(cast):
             armature.pose.bones["side"].location.x = 0.1 * scene.frame_current
 
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     for handlers in (bpy.app.handlers.frame_change_pre, bpy.app.handlers.frame_change_post):
         handlers.append(pose)
         try:
@@ -403,9 +403,9 @@ def test_a_handler_that_poses_on_each_frame(cast):
 @pytest.mark.says_errors
 def test_a_program_that_does_not_compute_this_frame_is_not_used(cast, monkeypatch):
     monkeypatch.setattr(computing().rigs, "shows", lambda *_: False)
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     monkeypatch.undo()
-    assert not cast.rig.is_frozen and "is not recorded" in cast.rig.reason
+    assert not cast.rig.is_played and "is not recorded" in cast.rig.reason
     cast.play()
 
 
@@ -429,43 +429,43 @@ def test_what_cannot_be_a_program_is_recorded(cast, change, reason):
     for armature, *_ in both(cast):
         change(armature)
     layer().update()
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert not cast.rig.is_frozen
+    states().take_over([cast.rig], cast.scene, layer())
+    assert not cast.rig.is_played
     assert reason in cast.rig.source.refusal
     cast.play()
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 def test_an_unkeyed_pose_is_not_lost(cast):
     for armature, *_ in both(cast):
         armature.pose.bones["bone1"].location.x += 2
     layer().update()
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert not cast.rig.is_frozen and "not keyed" in cast.rig.reason
+    states().take_over([cast.rig], cast.scene, layer())
+    assert not cast.rig.is_played and "not keyed" in cast.rig.reason
     cast.assert_same()
     cast.scene.frame_set(2)
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 def test_frames_that_are_mapped_to_other_times_are_played(cast):
     cast.scene.render.frame_map_new = 50
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert not cast.rig.is_frozen and "maps its frames" in cast.rig.source.refusal
+    states().take_over([cast.rig], cast.scene, layer())
+    assert not cast.rig.is_played and "maps its frames" in cast.rig.source.refusal
     cast.play()
     cast.scene.render.frame_map_new = 100
     cast.play()
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 def test_undo_and_redo(cast):
     bpy.ops.ed.undo_push(message="before")
-    freeze_unplayed(cast)
+    take_over_unplayed(cast)
     for armature, *_ in both(cast):
         armature.pose.bones["bone1"].location.x += 2
         armature.pose.bones["bone1"].keyframe_insert("location", frame=5)
@@ -473,15 +473,15 @@ def test_undo_and_redo(cast):
     bpy.ops.ed.undo_push(message="edited")
     cast.undo()
     cast.play()
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play([2, 30, 5])
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 def test_the_states_of_several(cast):
     rigs = [recorded().learn(armature) for armature, *_ in both(cast)]
-    freezing().freeze(rigs, cast.scene, layer())
-    assert all(rig.is_frozen for rig in rigs)
+    states().take_over(rigs, cast.scene, layer())
+    assert all(rig.is_played for rig in rigs)
     computed = cast.play([3, 4])
-    freezing().thaw(rigs, cast.scene, layer())
+    states().hand_back(rigs, cast.scene, layer())
     assert (cast.play([3, 4]) == computed).all()

@@ -1,4 +1,4 @@
-"""Whatever is edited of what the pose of a frozen character depends on, on a frame on which it makes no difference, all
+"""Whatever is edited of what the pose of a played character depends on, on a frame on which it makes no difference, all
 frames look like those of a live twin with the same edit. Every property that can be written is flipped."""
 
 import bpy
@@ -8,7 +8,7 @@ from mathutils import Matrix
 
 from characters import add_shape_keys, make_armature, make_tube
 from helpers import addon_module, depsgraph, needs_memory, needs_rig_programs, select
-from test_frozen import freezing, layer, recorded
+from test_played import layer, recorded, states
 
 pytestmark = needs_memory
 
@@ -264,7 +264,7 @@ KINDS = [
 KINDS += [constrained_by_action, own_keyframes, strips, drivers, driven_keys, aims]
 TYPES = [item.identifier for item in bpy.types.Constraint.bl_rna.properties["type"].enum_items]
 KINDS += [of_type(kind) for kind in TYPES if kind not in {"ARMATURE", "ACTION", "SHRINKWRAP", "CLAMP_TO"}]
-# Blender evaluates them on each frame by themselves, or may, so they cannot be frozen.
+# Blender evaluates them on each frame by themselves, or may, so they cannot be played.
 TIMED = {"modified_meshes", "nodes", "transform_cache", "follow_track", "camera_solver", "object_solver", "follow_path"}
 
 
@@ -337,8 +337,8 @@ KEPT = (str, set, Matrix, bpy.types.bpy_struct)
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 def test_an_edit_that_makes_no_difference_here_shows_on_other_frames(fresh_scene, kind, way, request, monkeypatch):
-    """A character whose frames are computed is frozen again after the edit, before any frame is played, or stays
-    frozen."""
+    """A character whose frames are computed is played again after the edit, before any frame is played, or stays
+    played."""
     is_computed = way != "recorded"
     if not is_computed:
         request.getfixturevalue("no_program")
@@ -354,7 +354,7 @@ def test_an_edit_that_makes_no_difference_here_shows_on_other_frames(fresh_scene
         each.rig.update_tag()
         addon_module("blender.animation").keyed_curves(each.rig)[0].update()
     layer().update()
-    rig, flipped, frozen, computed = recorded().learn(ours.rig), 0, 0, 0
+    rig, flipped, played, computed = recorded().learn(ours.rig), 0, 0, 0
 
     def compare(what):
         assert np.array_equal(ours.shown(), theirs.shown(), equal_nan=True), what
@@ -364,46 +364,46 @@ def test_an_edit_that_makes_no_difference_here_shows_on_other_frames(fresh_scene
             scene.frame_set(frame)
             compare((*what, frame))
 
-    def record_and_freeze(what):
+    def record_and_take_over(what):
         rig.motion.restless = rig.motion.to_skip = 0
         play(what, (STILL,) if is_computed else (*FRAMES, STILL))
-        freezing().freeze([rig], scene, layer())
-        compare((*what, "freezing"))
+        states().take_over([rig], scene, layer())
+        compare((*what, "states"))
 
-    record_and_freeze(("at first",))
+    record_and_take_over(("at first",))
     if kind.__name__ not in TIMED and not is_computed:
-        assert rig.is_frozen, rig.reason
+        assert rig.is_played, rig.reason
     spares, writable, pointers = [ours.spare(), theirs.spare()], 0, 0
     for places in pairs:
         for number, name in enumerate(flips(now(places[0]))):
             what = type(now(places[0])).__name__, name
-            record_and_freeze(what)
-            was_frozen = rig.is_frozen
+            record_and_take_over(what)
+            was_played = rig.is_played
             pair = list(map(now, places))
             before, writable = flip(pair, name, spares, number + bpy.app.version[1]), writable + 1
             if before is None:
                 continue
             pointers += now(places[0]).bl_rna.properties[name].type == "POINTER"
-            flipped, frozen = flipped + 1, frozen + was_frozen
+            flipped, played = flipped + 1, played + was_played
             layer().update()
             if way == "computed":  # an edit of what is keyed may be lost on this frame
-                freezing().freeze([rig], scene, layer())
-                computed += rig.is_frozen
+                states().take_over([rig], scene, layer())
+                computed += rig.is_played
             play(what)
             for each, value in zip(places, before):
                 setattr(now(each), name, value)
     print(f"\n{kind.__name__}: {flipped} of {writable} properties flipped, {pointers} of them pointers,", end=" ")
-    print(f"{frozen} frozen, {computed} computed again")
+    print(f"{played} played, {computed} computed again")
     print(f"{len(kept)} programs read again, {sum(kept)} of them without building")
     assert flipped > 0.8 * writable and (pointers or kind is bones)
     if kind.__name__ in TIMED:
-        assert frozen == 0
+        assert played == 0
     else:
-        assert is_computed or frozen > 0.7 * flipped
+        assert is_computed or played > 0.7 * flipped
 
 
 def test_a_track_that_was_muted_plays_again(fresh_scene):
-    """Muting it thaws the character, for which Blender builds relations. Then they lack the strips."""
+    """Muting it hands back the character, for which Blender builds relations. Then they lack the strips."""
     ours = Character(fresh_scene)
     _data, track, *_rest = strips(ours)
     select()
@@ -412,11 +412,11 @@ def test_a_track_that_was_muted_plays_again(fresh_scene):
     for frame in (*FRAMES, STILL):
         fresh_scene.frame_set(frame)
         wanted[frame] = ours.shown()
-    freezing().freeze([rig], fresh_scene, layer())
-    assert rig.is_frozen, rig.reason
+    states().take_over([rig], fresh_scene, layer())
+    assert rig.is_played, rig.reason
     track.mute = True
     layer().update()
-    assert not rig.is_frozen
+    assert not rig.is_played
     track.mute = False
     for frame in (*FRAMES, STILL):
         fresh_scene.frame_set(frame)

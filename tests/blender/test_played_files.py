@@ -1,4 +1,4 @@
-"""No file is wrong because a character was frozen: what is saved, exported and rendered meanwhile is as live, and a
+"""No file is wrong because a character was played: what is saved, exported and rendered meanwhile is as live, and a
 Blender that dies leaves a whole file."""
 
 import subprocess
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from helpers import COMMAND, addon_module, evaluated, needs_memory, needs_program, select
-from test_frozen import freezing, layer, opened_cast, script_that_compares
+from test_played import layer, opened_cast, script_that_compares, states
 
 pytestmark = needs_memory
 
@@ -22,7 +22,7 @@ def cast():
 
 
 def names_of(cast):
-    return [(cast.frozen[i].name, cast.live[i].name) for i in (1, 2)]
+    return [(cast.played[i].name, cast.live[i].name) for i in (1, 2)]
 
 
 def run_blender(script, *options):
@@ -50,12 +50,12 @@ def assert_whole(path, names, tmp_path):
         assert result.returncode == 0, result.stdout + result.stderr
 
 
-def test_a_file_saved_while_it_freezes_is_as_live(cast, tmp_path):
+def test_a_file_saved_while_it_takes_over_is_as_live(cast, tmp_path):
     """Saved by another add-on's handler, in the evaluation in which Blender builds relations without the action."""
     path, saved = tmp_path / "meanwhile.blend", []
 
     def save(*_):
-        saved.append(cast.frozen[0].animation_data.action is not None)
+        saved.append(cast.played[0].animation_data.action is not None)
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
 
     cast.record()
@@ -63,7 +63,7 @@ def test_a_file_saved_while_it_freezes_is_as_live(cast, tmp_path):
     handlers = bpy.app.handlers.depsgraph_update_post
     handlers.insert(0, save)
     try:
-        freezing().freeze([cast.rig], cast.scene, layer())
+        states().take_over([cast.rig], cast.scene, layer())
     finally:
         handlers.remove(save)
     assert saved
@@ -76,19 +76,19 @@ import os, sys
 sys.path.insert(0, {folder!r})
 import bpy
 from helpers import addon_module, deform_small_meshes
-import test_frozen
+import test_played
 deform_small_meshes()
 bpy.ops.wm.read_homefile(use_empty=True)
-cast = test_frozen.Cast(bpy.context.scene)
-print("names:", *(cast.frozen[i].name + "=" + cast.live[i].name for i in (1, 2)), flush=True)
-cast.freeze()
+cast = test_played.Cast(bpy.context.scene)
+print("names:", *(cast.played[i].name + "=" + cast.live[i].name for i in (1, 2)), flush=True)
+cast.take over()
 cast.scene.frame_set(8)
 bpy.ops.wm.save_as_mainfile(filepath={path!r})
 if {is_building!r}:
     rebuilding = addon_module("host.relations").Rebuilding()
     rebuilding.__enter__()
-    rebuilding.without_animation(cast.frozen[0])
-    assert cast.frozen[0].animation_data.action is None
+    rebuilding.without_animation(cast.played[0])
+    assert cast.played[0].animation_data.action is None
 else:
     cast.scene.frame_set(3)
 os._exit(7)
@@ -98,7 +98,7 @@ os._exit(7)
 @needs_program
 @pytest.mark.parametrize("is_building", [False, True])
 def test_a_blender_that_dies_leaves_a_whole_file(tmp_path, is_building):
-    """Killed while a character is frozen, and in the moment in which the action is away."""
+    """Killed while a character is played, and in the moment in which the action is away."""
     path, script = tmp_path / "dying.blend", tmp_path / "die.py"
     folder = str(Path(__file__).parent)
     script.write_text(DYING.format(folder=folder, path=str(path), is_building=is_building))
@@ -117,19 +117,19 @@ def obj_positions(path):
     return np.array([line.split()[1:4] for line in path.read_text().splitlines() if line.startswith("v ")], float)
 
 
-def test_objs_exported_while_frozen_are_as_live(cast, tmp_path):
-    cast.freeze()
-    for ob in cast.live[1], cast.frozen[1]:
+def test_objs_exported_while_played_are_as_live(cast, tmp_path):
+    cast.take_over()
+    for ob in cast.live[1], cast.played[1]:
         select_only_meshes(cast, ob)
         bpy.ops.wm.obj_export(
-            filepath=str(tmp_path / f"{'live' if ob == cast.live[1] else 'frozen'}.obj"),
+            filepath=str(tmp_path / f"{'live' if ob == cast.live[1] else 'played'}.obj"),
             export_animation=True,
             start_frame=2,
             end_frame=9,
             export_selected_objects=True,
         )
-    files = {kind: sorted(tmp_path.glob(f"{kind}*.obj")) for kind in ("live", "frozen")}
-    assert len(files["live"]) == len(files["frozen"]) == 8
+    files = {kind: sorted(tmp_path.glob(f"{kind}*.obj")) for kind in ("live", "played")}
+    assert len(files["live"]) == len(files["played"]) == 8
     shapes = [[obj_positions(path) for path in each] for each in files.values()]
     assert np.array_equal(*shapes)
     assert np.ptp(shapes[0], axis=0).max() > 0.1
@@ -137,13 +137,13 @@ def test_objs_exported_while_frozen_are_as_live(cast, tmp_path):
 
 
 def select_only_meshes(cast, ob):
-    """Selects a mesh without thawing it: exporters of what is selected are called by scripts, too."""
+    """Selects a mesh without handing it back: exporters of what is selected are called by scripts, too."""
     select(ob)
     rig = cast.rig
     layer().update()
-    rig.noticed.is_selected = True  # it was, before it was frozen
-    freezing().freeze([rig], cast.scene, layer())
-    assert rig.is_frozen
+    rig.noticed.is_selected = True  # it was, before it was played
+    states().take_over([rig], cast.scene, layer())
+    assert rig.is_played
 
 
 def export_alembic(path):
@@ -158,11 +158,11 @@ KINDS = {"alembic": (export_alembic, "abc", "alembic_import"), "usd": (export_us
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_exported_while_frozen_is_as_live(cast, tmp_path, kind):
+def test_what_is_exported_while_played_is_as_live(cast, tmp_path, kind):
     if not getattr(bpy.app.build_options, kind):
         pytest.skip(f"this Blender was built without {kind}")
     export, suffix, importer = KINDS[kind]
-    cast.freeze()
+    cast.take_over()
     path = str(tmp_path / f"shot.{suffix}")
     export(path)
     cast.play()
@@ -197,12 +197,12 @@ def small_render(scene):
     scene.world.node_tree.nodes["Background"].inputs[0].default_value = (1, 1, 1, 1)
 
 
-def test_many_frames_rendered_while_frozen_are_as_live(cast, tmp_path):
+def test_many_frames_rendered_while_played_are_as_live(cast, tmp_path):
     """Each evaluation of the render, bone and vertex, against the live twin; and the files, against those that are
-    rendered with nothing frozen."""
+    rendered with nothing played."""
     scene, seen = cast.scene, []
     scene.frame_start, scene.frame_end = 1, MANY
-    for armature, *_ in (cast.frozen, cast.live):  # over all these frames
+    for armature, *_ in (cast.played, cast.live):  # over all these frames
         for curve in addon_module("blender.animation").action_curves(armature.animation_data.action):
             for point in curve.keyframe_points:
                 point.co.x *= MANY / 10
@@ -210,32 +210,32 @@ def test_many_frames_rendered_while_frozen_are_as_live(cast, tmp_path):
     cast.rig  # noqa: B018  # known from now on
     for frame in range(1, MANY + 1):
         scene.frame_set(frame)
-    freezing().freeze([cast.rig], scene, layer())
+    states().take_over([cast.rig], scene, layer())
     small_render(scene)
     layer().update()
-    freezing().freeze_again(scene, layer())
-    assert cast.rig.is_frozen
+    states().take_over_again(scene, layer())
+    assert cast.rig.is_played
     viewport = layer().depsgraph
 
     def look(scene, graph):
         if graph != viewport:
-            ours, theirs = (evaluated(each[1], graph) for each in (cast.frozen, cast.live))
+            ours, theirs = (evaluated(each[1], graph) for each in (cast.played, cast.live))
             bones = [
-                each[0].evaluated_get(graph).pose.bones["bone3"].matrix.copy() for each in (cast.frozen, cast.live)
+                each[0].evaluated_get(graph).pose.bones["bone3"].matrix.copy() for each in (cast.played, cast.live)
             ]
             seen.append((scene.frame_current, np.array_equal(ours, theirs) and bones[0] == bones[1], ours[-1].copy()))
 
     bpy.app.handlers.frame_change_post.append(look)
     pictures = []
     try:
-        for kind in ("frozen", "live"):
+        for kind in ("played", "live"):
             scene.render.filepath = str(tmp_path / f"{kind}-")
             bpy.ops.render.render(animation=True)
             pictures.append([path.read_bytes() for path in sorted(tmp_path.glob(f"{kind}-*.bmp"))])
-            if kind == "frozen":
-                assert cast.rig.is_frozen
+            if kind == "played":
+                assert cast.rig.is_played
                 cast.assert_same()
-                cast.thaw()
+                cast.hand_back()
     finally:
         bpy.app.handlers.frame_change_post.remove(look)
     assert len(pictures[0]) == MANY

@@ -1,5 +1,5 @@
-"""Who can be frozen, and with whom: what follows a frozen character moves as ever, and what could not is refused with a
-reason. The operators, and freezing what is not selected."""
+"""Who can be played, and with whom: what follows a played character moves as ever, and what could not is refused with a
+reason. The operators, and taking over what is not selected."""
 
 import bpy
 import numpy as np
@@ -7,7 +7,7 @@ import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
 from helpers import addon_module, depsgraph, evaluated, import_rig, needs_memory, needs_rig_programs, select
-from test_frozen import FRAMES, freezing, layer, opened_cast, recorded
+from test_played import FRAMES, layer, opened_cast, recorded, states
 
 pytestmark = needs_memory
 
@@ -18,7 +18,7 @@ def cast():
 
 
 def both(cast):
-    return cast.frozen, cast.live
+    return cast.played, cast.live
 
 
 # --- what follows ---------------------------------------------------------------------------------
@@ -47,9 +47,9 @@ def test_shape_keys_that_bones_drive(cast):
     for armature, ob, other, _ in both(cast):
         drive_keys(armature, ob)
         drive_keys(armature, other)
-    cast.freeze()
+    cast.take_over()
     shapes = cast.play([*FRAMES, 4])
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     assert np.ptp(shapes, axis=0).max() > 0.1
     for number in (1, 2):
         values = [each[number].data.shape_keys.key_blocks["Wide"].value for each in both(cast)]
@@ -59,7 +59,7 @@ def test_shape_keys_that_bones_drive(cast):
 def test_editing_a_driven_key_shows(cast):
     for armature, ob, *_ in both(cast):
         drive_keys(armature, ob)
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_set(5)
     for _, ob, *_ in both(cast):
         ob.data.shape_keys.animation_data.drivers[0].driver.variables[0].targets[0].bone_target = "bone4"
@@ -74,9 +74,9 @@ def test_smoothing_and_modifiers_behind_it(cast):
             smoothed(each, iterations=3)
             each.modifiers.new("Subdivision", "SUBSURF").levels = 1
     layer().update()
-    cast.freeze()
+    cast.take_over()
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 def test_objects_that_are_constrained_to_bones(cast):
@@ -84,9 +84,9 @@ def test_objects_that_are_constrained_to_bones(cast):
         prop.parent = None
         constraint = prop.constraints.new("COPY_TRANSFORMS")
         constraint.target, constraint.subtarget = armature, "bone3"
-    cast.freeze()
+    cast.take_over()
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 def test_another_armature_may_name_it(cast):
@@ -94,7 +94,7 @@ def test_another_armature_may_name_it(cast):
     for armature, *_ in both(cast):
         make_armature().data["rig"] = armature
     cast.scene.frame_set(1)
-    cast.freeze()
+    cast.take_over()
     cast.play()
 
 
@@ -106,12 +106,12 @@ def test_children_of_what_hangs_on_a_bone(cast):
         ring.parent = prop
         ring.location.x = 1
         rings.append(ring)
-    cast.freeze()
+    cast.take_over()
     for frame in FRAMES:
         cast.scene.frame_set(frame)
         ours, theirs = (ring.evaluated_get(depsgraph()).matrix_world for ring in rings)
         assert ours == theirs
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 def test_an_animated_prop_keeps_its_own_animation(cast):
@@ -119,9 +119,9 @@ def test_an_animated_prop_keeps_its_own_animation(cast):
         for frame in (1, 10):
             prop.location.y = frame
             prop.keyframe_insert("location", frame=frame)
-    cast.freeze()
+    cast.take_over()
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 # --- several --------------------------------------------------------------------------------------
@@ -132,7 +132,7 @@ def follow(armature, leader):
     constraint.target, constraint.subtarget = leader, "bone2"
 
 
-def test_one_that_follows_another_is_frozen_with_it(cast):
+def test_one_that_follows_another_is_played_with_it(cast):
     leaders = []
     for armature, *_ in both(cast):
         leader = make_armature()
@@ -145,12 +145,12 @@ def test_one_that_follows_another_is_frozen_with_it(cast):
     cast.scene.frame_set(1)
     leader = recorded().learn(leaders[0])
     cast.record()
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert not cast.rig.is_frozen
+    states().take_over([cast.rig], cast.scene, layer())
+    assert not cast.rig.is_played
     assert "follows bones of" in cast.rig.reason
-    freezing().freeze([cast.rig, leader], cast.scene, layer())
-    assert cast.rig.is_frozen
-    assert leader.is_frozen
+    states().take_over([cast.rig, leader], cast.scene, layer())
+    assert cast.rig.is_played
+    assert leader.is_played
     cast.play()
     for each in leaders:
         curves = addon_module("blender.animation").action_curves(each.animation_data.action)
@@ -189,7 +189,7 @@ def test_another_armature_that_follows_it_stays_live(cast, prepare, has_keys, is
             accelerate(meshes[-1])
     select()
     layer().update()
-    cast.freeze()
+    cast.take_over()
     seen = []
 
     def compare():
@@ -202,29 +202,29 @@ def test_another_armature_that_follows_it_stays_live(cast, prepare, has_keys, is
     for frame in [*FRAMES, 4]:
         cast.scene.frame_set(frame)
         compare()
-    assert len(set(seen)) > 5 and cast.rig.is_frozen, cast.rig.reason
+    assert len(set(seen)) > 5 and cast.rig.is_played, cast.rig.reason
     for armature, *_ in both(cast):
         armature.pose.bones["bone1"].location.x += 0.3
     layer().update()
     compare()
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     for frame in (7, 2):
         cast.scene.frame_set(frame)
         compare()
 
 
-def test_of_two_one_is_thawed(cast):
+def test_of_two_one_is_handed_back(cast):
     rigs = [recorded().learn(each[0]) for each in both(cast)]
     cast.play()
-    freezing().freeze(rigs, cast.scene, layer())
-    assert [rig.is_frozen for rig in rigs] == [True, True]
+    states().take_over(rigs, cast.scene, layer())
+    assert [rig.is_played for rig in rigs] == [True, True]
     cast.scene.frame_set(7)
-    freezing().thaw(rigs[1:], cast.scene, layer())
-    assert [rig.is_frozen for rig in rigs] == [True, False]
+    states().hand_back(rigs[1:], cast.scene, layer())
+    assert [rig.is_played for rig in rigs] == [True, False]
     cast.assert_same()
     cast.play()
-    freezing().freeze(rigs[1:], cast.scene, layer())
-    assert [rig.is_frozen for rig in rigs] == [True, True]
+    states().take_over(rigs[1:], cast.scene, layer())
+    assert [rig.is_played for rig in rigs] == [True, True]
     cast.play()
 
 
@@ -308,17 +308,17 @@ REASONS = [value for name, value in list(globals().items()) if name.startswith((
 
 @pytest.mark.usefixtures("no_program")
 @pytest.mark.parametrize("prepare", REASONS)
-def test_who_cannot_be_frozen_says_why(cast, prepare):
-    clause = prepare(cast, cast.frozen[0], cast.frozen[1], cast.frozen[3])
+def test_who_cannot_be_played_says_why(cast, prepare):
+    clause = prepare(cast, cast.played[0], cast.played[1], cast.played[3])
     rig = cast.rig
     for frame in (3, 2, 1):
         cast.scene.frame_set(frame)
-    freezing().freeze([rig], cast.scene, layer())
-    assert not rig.is_frozen
+    states().take_over([rig], cast.scene, layer())
+    assert not rig.is_played
     assert clause in rig.reason
 
 
-def test_an_imported_rig_can_be_frozen_once_it_has_keyframes(fresh_scene):
+def test_an_imported_rig_can_be_played_once_it_has_keyframes(fresh_scene):
     """It keeps its poses, which do not move its bones any more."""
     ob, armature = import_rig()
     bpy.ops.object.sinew_clip_to_keyframes()
@@ -326,14 +326,14 @@ def test_an_imported_rig_can_be_frozen_once_it_has_keyframes(fresh_scene):
     for frame in (1, 2, 3):
         fresh_scene.frame_set(frame)
     select()
-    freezing().freeze([rig], fresh_scene, layer())
-    assert rig.is_frozen
+    states().take_over([rig], fresh_scene, layer())
+    assert rig.is_played
     fresh_scene.frame_set(2)
     wanted = evaluated(ob).copy()
     ob.sinew.source = "CLIP"
-    freezing().thaw([rig], fresh_scene, layer())
-    freezing().freeze([rig], fresh_scene, layer())
-    assert not rig.is_frozen
+    states().hand_back([rig], fresh_scene, layer())
+    states().take_over([rig], fresh_scene, layer())
+    assert not rig.is_played
     assert "plays the poses of an imported rig" in rig.reason
     assert np.allclose(evaluated(ob), wanted, atol=1e-4)
 
@@ -344,15 +344,15 @@ def test_a_target_that_stands_still_is_followed_when_it_is_moved(cast):
     for armature, *_ in both(cast):
         constraint = armature.pose.bones["bone4"].constraints.new("COPY_LOCATION")
         constraint.target = target
-    cast.freeze()
+    cast.take_over()
     cast.play()
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     target.location.z = 3
     layer().update()
     cast.assert_same()
-    assert not cast.rig.is_frozen
+    assert not cast.rig.is_played
     cast.play()
-    freezing().freeze([cast.rig], cast.scene, layer())
+    states().take_over([cast.rig], cast.scene, layer())
     cast.play()
 
 
@@ -361,23 +361,23 @@ def test_a_target_that_stands_still_is_followed_when_it_is_moved(cast):
 
 @pytest.mark.usefixtures("no_program")
 def test_the_operators(cast):
-    select(cast.frozen[1])
+    select(cast.played[1])
     assert bpy.ops.object.sinew_record() == {"FINISHED"}
     assert cast.rig.motion.record.runs() == [(1, 10)]
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
     cast.play()
     assert bpy.ops.object.sinew_leave_to_blender() == {"FINISHED"}
-    assert not cast.rig.is_frozen
+    assert not cast.rig.is_played
     cast.play()
 
 
 @pytest.mark.usefixtures("no_program")
-def test_freezing_records_what_is_not_recorded(cast):
+def test_taking_over_records_what_is_not_recorded(cast):
     select(cast.live[0])
     cast.scene.frame_set(4)
     assert bpy.ops.object.sinew_record_others() == {"FINISHED"}
     assert cast.scene.frame_current == 4
-    assert [recorded().get(each[0]) is not None and recorded().get(each[0]).is_frozen for each in both(cast)] == [
+    assert [recorded().get(each[0]) is not None and recorded().get(each[0]).is_played for each in both(cast)] == [
         True,
         False,
     ]
@@ -387,8 +387,8 @@ def test_freezing_records_what_is_not_recorded(cast):
 
 @pytest.mark.usefixtures("no_program")
 def test_the_operator_says_why_not(cast):
-    key_a_way(cast.frozen[0])
-    select(cast.frozen[0])
+    key_a_way(cast.played[0])
+    select(cast.played[0])
     with pytest.raises(RuntimeError, match="itself is animated"):
         bpy.ops.object.sinew_record()
     select()
@@ -398,17 +398,17 @@ def test_the_operator_says_why_not(cast):
 
 
 @pytest.mark.usefixtures("no_program")
-def test_a_frame_that_is_not_recorded_thaws_and_the_record_stays(cast):
+def test_a_frame_that_is_not_recorded_hands_back_and_the_record_stays(cast):
     cast.record()
-    freezing().freeze([cast.rig], cast.scene, layer())
-    assert cast.rig.is_frozen
+    states().take_over([cast.rig], cast.scene, layer())
+    assert cast.rig.is_played
     recorded_ones = cast.rig.motion.record.runs()
     cast.scene.frame_set(25)
-    assert not cast.rig.is_frozen and cast.rig.motion.record.runs()[: len(recorded_ones)] == recorded_ones
+    assert not cast.rig.is_played and cast.rig.motion.record.runs()[: len(recorded_ones)] == recorded_ones
     cast.assert_same()
     cast.scene.frame_set(3)
-    freezing().freeze_again(cast.scene, layer())
-    assert cast.rig.is_frozen
+    states().take_over_again(cast.scene, layer())
+    assert cast.rig.is_played
     cast.play()
 
 
@@ -421,7 +421,7 @@ def test_a_limit_of_memory_drops_the_oldest_frames(cast):
     try:
         recorded().store.set_limit(4 * size)
         assert cast.rig.motion.record.runs() == [(7, 10)]
-        freezing().freeze([cast.rig], cast.scene, layer())
+        states().take_over([cast.rig], cast.scene, layer())
         cast.play()
         assert len(cast.rig.motion.record) == 4
     finally:
@@ -431,16 +431,16 @@ def test_a_limit_of_memory_drops_the_oldest_frames(cast):
 @needs_rig_programs
 def test_the_panel_lists_who_is_native(cast):
     ui = addon_module("ui.played_rigs")
-    cast.freeze()
+    cast.take_over()
     assert ui.frames_text(cast.rig) == "native"
-    cast.thaw()
+    cast.hand_back()
     assert ui.frames_text(cast.rig) == "Blender's"
 
 
 @pytest.mark.usefixtures("no_program")
 def test_the_panel_lists_what_is_recorded(cast):
     ui = addon_module("ui.played_rigs")
-    cast.freeze()
+    cast.take_over()
     assert ui.frames_text(cast.rig) == "1 to 10"
     for frame in (2, 3, 6):
         cast.rig.motion.record.drop_frame(frame)
@@ -471,13 +471,13 @@ def test_a_linked_character_and_an_override(cast, tmp_path):
         else:
             objects = {ob.name: ob for ob in bpy.data.objects}
         cast.scene = scene
-        cast.frozen, cast.live = ([objects[name] for name in each] for each in names)
+        cast.played, cast.live = ([objects[name] for name in each] for each in names)
         cast.record()
-        cast.freeze()
+        cast.take_over()
         shapes = cast.play()
-        assert cast.rig.is_frozen
+        assert cast.rig.is_played
         assert np.ptp(shapes, axis=0).max() > 0.1
-        cast.thaw()
+        cast.hand_back()
         cast.play([3, 8])
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "library.blend"))
 
@@ -493,7 +493,7 @@ def can_render(scene):
 
 
 def test_motion_in_a_render_is_live(cast):
-    cast.freeze()
+    cast.take_over()
     cast.scene.frame_set(3)
     scene = cast.scene
     seen = {}
@@ -503,8 +503,8 @@ def test_motion_in_a_render_is_live(cast):
             seen[scene.frame_current] = [evaluated(each[1], graph).copy() for each in both(cast)]
 
     can_render(scene)
-    freezing().freeze_again(scene, layer())
-    assert cast.rig.is_frozen
+    states().take_over_again(scene, layer())
+    assert cast.rig.is_played
     bpy.app.handlers.frame_change_post.append(look)
     try:
         for frame in (3, 6):
@@ -527,11 +527,11 @@ def key_place(cast):
     layer().update()
 
 
-def test_an_object_whose_keyframes_do_not_move_it_is_frozen(cast):
+def test_an_object_whose_keyframes_do_not_move_it_is_played(cast):
     key_place(cast)
-    cast.freeze()
+    cast.take_over()
     cast.play([*FRAMES, 3])
-    assert cast.rig.is_frozen
+    assert cast.rig.is_played
 
 
 def move_by_hand(cast):
@@ -555,11 +555,11 @@ def move_a_key_of_its_place(cast):
 @pytest.mark.parametrize("edit", (move_by_hand, move_a_key_of_its_place))
 def test_it_is_live_when_they_do(cast, edit, is_seen):
     key_place(cast)
-    cast.freeze()
+    cast.take_over()
     cast.play([4])
     edit(cast)
     if is_seen:
         layer().update()
         cast.assert_same()
     cast.play([5, 8, 1])
-    assert cast.frozen[0].location.x == 1
+    assert cast.played[0].location.x == 1
