@@ -979,7 +979,7 @@ def test_the_panel_says_medians_over_the_same_frames(cast, monkeypatch):
 def test_measuring_compares_it_with_blender(cast):
     """Blender evaluates the rigs as long as their share is measured."""
     accelerate(cast)
-    states = []
+    were_played = []
 
     class Progress:
         def step(self, *_):
@@ -988,14 +988,14 @@ def test_measuring_compares_it_with_blender(cast):
     whole_frames = addon_module("main.whole_frames")
 
     def look(*_):
-        states.append(cast.rig.is_played)
+        were_played.append(cast.rig.is_played)
 
     bpy.app.handlers.frame_change_pre.append(look)
     try:
         measured = whole_frames.measure(cast.scene, Progress(), lambda: states().all_live(cast.scene, layer()))
     finally:
         bpy.app.handlers.frame_change_pre.remove(look)
-    assert measured.sinew > 0 and 20 < sum(states) < len(states) - 20
+    assert measured.sinew > 0 and 20 < sum(were_played) < len(were_played) - 20
     assert cast.rig.is_played and cast.rig.trial.needs_program
     cast.play()
 
@@ -1014,17 +1014,17 @@ def test_the_switch(cast):
 
 def test_the_profile_is_that_of_rigs_that_blender_evaluates(cast):
     accelerate(cast)
-    states = []
+    were_played = []
 
     def look(*_):
-        states.append(cast.rig.is_played)
+        were_played.append(cast.rig.is_played)
 
     bpy.app.handlers.frame_change_pre.append(look)
     try:
         profile = addon_module("profiling.measure").run(bpy.context, 2, 7)
     finally:
         bpy.app.handlers.frame_change_pre.remove(look)
-    assert profile.objects and len(states) > 20 and sum(states) <= 2  # before and after
+    assert profile.objects and len(were_played) > 20 and sum(were_played) <= 2  # before and after
     assert cast.rig.is_played
     cast.play()
 
@@ -1148,7 +1148,7 @@ def turn(cast):
 
 def test_a_bake_accelerates_rigs(cast):
     """The frames that it reads are those of live rigs."""
-    evaluation, found, states = addon_module("bake.evaluation"), {}, []
+    evaluation, found, were_played = addon_module("bake.evaluation"), {}, []
     for way in (False, True):
         cast.scene.sinew_accelerates_rigs = way
         keep_live(cast)
@@ -1156,9 +1156,9 @@ def test_a_bake_accelerates_rigs(cast):
             for frame in (3, 4.5, 7):
                 cast.scene.frame_set(int(frame), subframe=frame % 1)
                 cast.assert_same()
-                states.append(cast.rig.is_played)
+                were_played.append(cast.rig.is_played)
                 found.setdefault(way, []).append(evaluation.read(cast.played[1], depsgraph())[0])
-    assert states == [False] * 3 + [True] * 3
+    assert were_played == [False] * 3 + [True] * 3
     assert np.array_equal(found[False], found[True])
 
 

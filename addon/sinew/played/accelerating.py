@@ -132,8 +132,8 @@ def _found_by(number: int, layer: Any) -> list[Any]:
     """Returns the armature objects that may be accelerated. number: of the evaluations until now; without another one,
     nothing was edited."""
     global _seen, _found
-    states = frozenset((rig.key, rig.is_idle) for rig in rigs.known() if rig.is_idle or rig.trial.tries_to_skip)
-    now = number, layer.as_pointer(), states
+    known = frozenset((rig.key, rig.is_idle) for rig in rigs.known() if rig.is_idle or rig.trial.tries_to_skip)
+    now = number, layer.as_pointer(), known
     if now != _seen:
         _seen, _found = now, _armatures(layer)
     return [ob for ob in _found if rigs.is_alive(ob)]

@@ -9,15 +9,15 @@ alone sets their states:
     SUSPECT  Relations may still be those of PLAYED, but something is in doubt, so its record is not played. They are
              tagged: Blender builds them anew in its next evaluation, with the keyframes.
 
-    LIVE -------- want, take over --------> WANTED <--- settle: Blender has evaluated its keyframes ---+
+    LIVE ------ want, take_over -------> WANTED <--- settle: Blender has evaluated its keyframes ---+
      ^ ^                                  |  |                                                      |
-     | +---------- keep_records ----------+  | take over, take_over_again                                 |
+     | +---------- keep_records ----------+  | take_over, take_over_again                           |
      |                                       v                                                      |
-     +---------------- hand back -------------- PLAYED -------------- melt: any doubt --------------> SUSPECT
+     +------------- hand_back ------------ PLAYED -------------- melt: any doubt --------------> SUSPECT
      |                                      |  ^                                                    ^
      |                         pose: edited |  | resume: its program was read                       |
      |                                      v  |                                                    |
-     +---------------- hand back --------------- POSED -------------- melt: any doubt -------------------+
+     +------------- hand_back ------------- POSED -------------- melt: any doubt -------------------+
 
 `_build` makes all that it changes SUSPECT first. So if it ends by an exception, they are live after the next
 evaluation, and nothing of them is wrong."""
