@@ -500,6 +500,11 @@ def part(ob, of):
 
 
 PATHS = {"mesh": "vertices[7].co", "keys": 'key_blocks["Wide"].data[7].co', "armature": 'bones["bone2"].use_deform'}
+SPOKEN = {
+    "mesh": "Position of vertex 7",
+    "keys": 'Position of point 7 of the shape key "Wide"',
+    "armature": 'Use Deform of the bone "bone2"',
+}
 
 
 def key_values(block, path):
