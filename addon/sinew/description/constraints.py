@@ -58,10 +58,13 @@ def constraints_of(
                 if (kind := constraint.type) not in known:
                     title = constraint.bl_rna.properties["type"].enum_items[kind].name
                     raise curves.Refused(f"the type {title} is not covered")
-                yield row_of(name, constraint, kind, found)
+                if not splines.is_passed_over(constraint):
+                    yield row_of(name, constraint, kind, found)
+                    continue
             except curves.Refused as reason:
                 if not constraint.mute or is_animated(ob, constraint):
                     found.refused.append(f'the constraint "{constraint.name}" of the bone "{name}": {reason}')
+            found.without_row.add(rna_paths.normalised(constraint.path_from_id()))
 
 
 def is_animated(ob: bpy.types.Object, constraint: bpy.types.Constraint) -> bool:
