@@ -372,6 +372,20 @@ def test_edits_of_its_curve_are_seen(cast, edit):
 
 
 @needs_memory
+def test_its_curve_is_taken_away_and_given_back(cast):
+    accelerate(cast)
+    cast.scene.frame_set(4)
+    for curves in ([None] * len(cast.curves), cast.curves):
+        for (armature, *_), curve in zip(both(cast), curves):
+            armature.pose.bones["bone4"].constraints["Spline IK"].target = curve
+        bpy.context.view_layer.update()
+        cast.assert_same()
+        cast.play(FRAMES)
+        accelerate(cast)
+        cast.play(FRAMES)
+
+
+@needs_memory
 @pytest.mark.parametrize("bone", ["side", "bone3", "bone0"])
 def test_it_can_be_posed(cast, bone):
     accelerate(cast)

@@ -112,7 +112,7 @@ def read(
     }
     if strips.play(ob):
         try:
-            description |= strips.rows_of(ob)
+            description |= strips.rows_of(ob, found.without_row)
         except curves.Refused as reason:
             found.refused.append(str(reason))
     for property_row, driver_row in driven_keys.rows_of(keyed, found, outside):
