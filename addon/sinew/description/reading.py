@@ -95,7 +95,7 @@ def read(
         found.refused.append(f"{ob.data.name} shows its rest position: switch it to Pose Position")
     if ob.pose.ik_solver != "LEGACY":
         found.refused.append("the IK solver is iTaSC: choose the standard one")
-    if dependencies.constraints_of(ob):
+    if objects.has_constraints(ob):
         found.refused.append(f"{ob.name} itself has constraints: apply or remove them")
     row, stored = bone_rows.places_of(ob), bone_numbers.read(ob)
     rows = bone_rows.bones_of(ob, row, stored, found)
