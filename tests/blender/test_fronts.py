@@ -81,6 +81,7 @@ TABLE = {
     "array": [("ARRAY", {"count": 2})],
     "two": [("MIRROR", {"use_axis": (True, False, False)}), ("SUBSURF", {"levels": 1})],
     "mirror merged": [("MIRROR", {"use_axis": (True, False, False), "merge_threshold": 0.3})],
+    "solid behind a collision": [("COLLISION", {}), ("SOLIDIFY", {"thickness": 0.1})],
     "only in renders": [("SUBSURF", {"levels": 1, "show_viewport": False}), ("TRIANGULATE", {})],
 }
 
@@ -402,6 +403,12 @@ def test_rendered(pairs, fresh_scene, tmp_path, set_up):
 
 LEFT = {
     "wave": ([("WAVE", {})], None, "comes before Armature, with which Sinew has to begin"),
+    "wave behind": (
+        [("SOLIDIFY", {}), ("WAVE", {})],
+        None,
+        "Wave comes before Armature, with which Sinew has to begin: move Wave behind Armature",
+    ),
+    "collision behind": ([("SOLIDIFY", {}), ("COLLISION", {})], None, "Collision comes before Armature"),
     "keys": ([("SUBSURF", {"levels": 1})], add_shape_keys, "comes before Armature, with which Sinew has to begin"),
     "animated": (
         [("SOLIDIFY", {})],

@@ -218,7 +218,6 @@ TABLE = {
         "{} itself has constraints: apply or remove them": sentence(RECORD),
     },
     "description.splines": {
-        "Spline IK without a curve is not covered: choose one": sentence(RECORD),
         "the curve {}": PART,
         "{} is in Edit Mode: leave it": sentence(RECORD),
         "{} does not begin with a Bezier or poly spline: convert its first one to Bezier": sentence(RECORD),

@@ -658,6 +658,15 @@ def test_what_is_switched_off_may_be_of_any_kind(armature):
     constraint = armature.pose.bones["b"].constraints.new("SHRINKWRAP")
     constraint.enabled = False
     assert differences(armature) == []
+    constraint.keyframe_insert("influence", frame=3)
+    constraint.driver_add("distance").driver.type = "SUM"
+    bpy.context.view_layer.update()
+    assert differences(armature) == []
+    data = armature.animation_data
+    data.nla_tracks.new().strips.new("Pushed", 1, data.action)
+    data.action = None
+    bpy.context.view_layer.update()
+    assert differences(armature) == []
     constraint.keyframe_insert("enabled", frame=1)
     assert "the type Shrinkwrap is not covered" in refusal(armature)
 

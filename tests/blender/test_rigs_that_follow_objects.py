@@ -506,6 +506,42 @@ def test_what_moves_otherwise_keeps_it_live(cast, prepare):
     cast.play()
 
 
+def test_a_muted_constraint_keeps_nothing_live(cast):
+    """Until it is switched on, or animation may do that."""
+    limit = cast.wheel.constraints.new("LIMIT_LOCATION")
+    limit.use_max_x, limit.max_x, limit.mute = True, -2, True
+    cast.accelerate()
+    cast.play([3, 4])
+    limit.mute = False
+    layer().update()
+    cast.assert_same()
+    cast.play([5, 4])
+    wait(cast)
+    assert not cast.rig.is_frozen and "Wheel has constraints" in cast.rig.reason
+    limit.mute = True
+    layer().update()
+    cast.assert_same()
+    cast.accelerate()
+    cast.play([5, 4])
+    limit.keyframe_insert("enabled", frame=1)
+    layer().update()
+    wait(cast)
+    assert not cast.rig.is_frozen and "Wheel has constraints" in cast.rig.reason
+    cast.play([5, 4])
+
+
+@pytest.mark.parametrize("kind", ("LIMIT_LOCATION", "COPY_LOCATION"))
+def test_a_muted_constraint_of_the_armature_says_nothing(cast, kind):
+    armature = cast.frozen[0]
+    constraint = armature.constraints.new(kind)
+    constraint.mute = True
+    layer().update()
+    reading = addon_module("description.reading")
+    assert reading.read(armature).description["refused"] == []
+    constraint.keyframe_insert("mute", frame=1)
+    assert "itself has constraints" in str(reading.read(armature).description["refused"])
+
+
 def test_what_stays_may_have_modifiers(cast):
     """They change its shape, not its place."""
     cast.ball.animation_data_clear()

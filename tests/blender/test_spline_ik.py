@@ -247,6 +247,26 @@ def test_bones_that_two_constraints_move_are_refused(fresh_scene):
     assert differences(armature, TIMES) == []
 
 
+@pytest.mark.parametrize("is_first", (False, True))
+def test_without_a_curve_it_is_passed_over(fresh_scene, is_first):
+    """Alone, beside another one on the same bone, and whatever keyframes and drivers set of it."""
+    armature, curve, constraint = tentacle("none")
+    tip, other = armature.pose.bones["Chain4"], armature.pose.bones["Chain3"]
+    alone, beside = constrain(armature, None, 5, chain_count=3), other.constraints.new("SPLINE_IK")
+    if is_first:
+        tip.constraints.move(1, 0)
+    beside.influence = 0.5
+    beside.keyframe_insert("influence", frame=2)
+    read_channel(alone.driver_add("influence").driver, armature, "Handle2", "SCALE_X")
+    assert differences(armature, TIMES) == []
+    constraint.target = None
+    bpy.context.view_layer.update()
+    assert differences(armature, TIMES) == []
+    alone.target = curve
+    bpy.context.view_layer.update()
+    assert differences(armature, TIMES) == []
+
+
 class Tentacles(Cast):
     """A cast whose characters have a chain along a curve of their own, which their bone `side` bends."""
 
@@ -349,6 +369,20 @@ def test_edits_of_its_curve_are_seen(cast, edit):
     if edit is not add_a_modifier:
         accelerate(cast)
     cast.play(FRAMES)
+
+
+@needs_memory
+def test_its_curve_is_taken_away_and_given_back(cast):
+    accelerate(cast)
+    cast.scene.frame_set(4)
+    for curves in ([None] * len(cast.curves), cast.curves):
+        for (armature, *_), curve in zip(both(cast), curves):
+            armature.pose.bones["bone4"].constraints["Spline IK"].target = curve
+        bpy.context.view_layer.update()
+        cast.assert_same()
+        cast.play(FRAMES)
+        accelerate(cast)
+        cast.play(FRAMES)
 
 
 @needs_memory

@@ -85,6 +85,8 @@ def left(reason, given):
         left("Face (Armature) comes before Armature, with which Sinew began: unbind the mesh and accelerate it again",
              lambda: bound(before=(modifier("ARMATURE", "Face"),))),
         left("WAVE (Wave) comes before Armature, with which", lambda: bound(before=(modifier("WAVE"),))),
+        left("WAVE (Wave) comes before Armature, with which Sinew has to begin: move WAVE behind Armature",
+             lambda: bound(before=(modifier("SOLIDIFY"), modifier("WAVE")))),
         left("if the shape may be made in that order, in the library", lambda: bound(
             before=(modifier("WAVE", "Wave", is_fixed=True),)
         )),

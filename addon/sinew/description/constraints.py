@@ -58,20 +58,19 @@ def constraints_of(
                 if (kind := constraint.type) not in known:
                     title = constraint.bl_rna.properties["type"].enum_items[kind].name
                     raise curves.Refused(f"the type {title} is not covered")
-                yield row_of(name, constraint, kind, found)
+                if not splines.is_passed_over(constraint):
+                    yield row_of(name, constraint, kind, found)
+                    continue
             except curves.Refused as reason:
-                if not constraint.mute or is_animated(ob, constraint):
+                if not constraint.mute or is_animated(constraint, found):
                     found.refused.append(f'the constraint "{constraint.name}" of the bone "{name}": {reason}')
+            found.without_row.add(rna_paths.normalised(constraint.path_from_id()))
 
 
-def is_animated(ob: bpy.types.Object, constraint: bpy.types.Constraint) -> bool:
+def is_animated(constraint: bpy.types.Constraint, found: targets.Targets) -> bool:
     """Whether a curve or a driver may unmute it."""
-    paths = {f"{constraint.path_from_id()}.{name}" for name in rna_paths.SWITCHES}
-    data = ob.animation_data
-    return data is not None and (
-        any(data.drivers.find(path) is not None for path in paths)
-        or any(curve.data_path in paths for curve in curves.curves_in_effect(ob))
-    )
+    path = rna_paths.normalised(constraint.path_from_id())
+    return any(f"{path}.{name}" in found.switches for name in rna_paths.SWITCHES)
 
 
 def set_switches(settings: dict[str, Any], constraint: bpy.types.Constraint, found: targets.Targets) -> None:

@@ -131,7 +131,7 @@ def is_wanted(ob: bpy.types.Object, path: str, found: targets.Targets) -> bool:
             f"{ob.name} itself moves (its {spoken_paths.spoken(path)} is animated): move a bone instead"
         )
         return False
-    return rna_paths.has_effect(path)
+    return rna_paths.has_effect(path) and path.rpartition(".")[0] not in found.without_row
 
 
 def driver_of(

@@ -118,9 +118,16 @@ def _keyed(ob: bpy.types.Object) -> list[dict[str, Any]]:
     return [row for each in lineage for row in _curves_of(each)]
 
 
+def has_constraints(ob: bpy.types.Object) -> bool:
+    """Whether constraints may say where an object is: some are not muted, or animation may unmute them."""
+    own = dependencies.constraints_of(ob)
+    switches = [f"{each.path_from_id()}.{name}" for each in own for name in rna_paths.SWITCHES]
+    return any(not each.mute for each in own) or animation.first_animated(ob, switches) is not None
+
+
 def _check(ob: bpy.types.Object) -> None:
     """Raises Refused if anything but keyframes and parents may say where an object is."""
-    if dependencies.constraints_of(ob):
+    if has_constraints(ob):
         raise curves.Refused(f"{ob.name} has constraints: bake them into keyframes")
     if ob.rigid_body is not None:
         raise curves.Refused(f"{ob.name} is simulated: bake that into keyframes")

@@ -97,7 +97,7 @@ def read(
         found.refused.append(f"{ob.data.name} shows its rest position: switch it to Pose Position")
     if ob.pose.ik_solver != "LEGACY":
         found.refused.append("the IK solver is iTaSC: choose the standard one")
-    if dependencies.constraints_of(ob):
+    if objects.has_constraints(ob):
         found.refused.append(f"{ob.name} itself has constraints: apply or remove them")
     row, stored = bone_rows.places_of(ob), bone_memory.read_numbers(ob)
     rows = bone_rows.bones_of(ob, row, stored, found)
@@ -114,7 +114,7 @@ def read(
     }
     if strips.play(ob):
         try:
-            description |= strips.rows_of(ob)
+            description |= strips.rows_of(ob, found.without_row)
         except curves.Refused as reason:
             found.refused.append(str(reason))
     for property_row, driver_row in driven_keys.rows_of(keyed, found, outside):

@@ -14,10 +14,13 @@ _KEY = re.compile(r"key_blocks\[.*\]\.value")
 _KNOWN = re.compile(rf"{_RADIUS.pattern}|{_KEY.pattern}|splines\[(?:[1-9].*|.*\.(?:tilt|weight_softbody))")
 
 
-def check(ob: bpy.types.Object | None) -> None:
-    """Raises Refused if Spline IK along an object cannot be computed."""
-    if ob is None or ob.type != "CURVE":
-        raise curves.Refused("Spline IK without a curve is not covered: choose one")
+def is_passed_over(constraint: Any) -> bool:
+    """Whether Blender passes a constraint over, and leaves its bones to others: Spline IK without a curve."""
+    return constraint.type == "SPLINE_IK" and (constraint.target is None or constraint.target.type != "CURVE")
+
+
+def check(ob: bpy.types.Object) -> None:
+    """Raises Refused if Spline IK along a curve object cannot be computed."""
     data, own = ob.data, ob.data.splines
     what = f"the curve {ob.name}"
     if ob.mode == "EDIT":

@@ -1,6 +1,6 @@
 """Strips of the NLA as rows."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from typing import Any
 
 import bpy
@@ -20,8 +20,8 @@ _ACTIVE = "blend_type", "extrapolation", "influence"
 class Actions:
     """The actions that strips play, as rows."""
 
-    def __init__(self, ob: bpy.types.Object) -> None:
-        self._ob = ob
+    def __init__(self, ob: bpy.types.Object, without_row: Container[str]) -> None:
+        self._ob, self._without_row = ob, without_row
         self.rows: dict[str, list[dict[str, Any]]] = {}  # by name
         self.mixed: dict[str, dict[str, Any]] = {}  # by path
         self._known: dict[str, str | None] = {}  # paths as the curves have them: as rows have them, None without effect
@@ -44,8 +44,9 @@ class Actions:
                 raise curves.Refused(
                     f"{self._ob.name} itself moves (its {spoken_paths.spoken(path)} is animated): move a bone instead"
                 )
-            self._known[stored] = path if rna_paths.has_effect(path) else None
-            if rna_paths.has_effect(path):
+            has_effect = rna_paths.has_effect(path) and path.rpartition(".")[0] not in self._without_row
+            self._known[stored] = path if has_effect else None
+            if has_effect:
                 self.mixed[path] = _mixed(self._ob, path)
         if known := self._known[stored]:
             row["path"] = known
@@ -57,9 +58,10 @@ def play(ob: bpy.types.Object) -> bool:
     return ob.animation_data is not None and animation.plays_strips(ob.animation_data)
 
 
-def rows_of(ob: bpy.types.Object) -> dict[str, list[dict[str, Any]]]:
-    """Returns the rows `actions`, `tracks` and `mixed` of an object whose strips play. Raises Refused."""
-    data, found = ob.animation_data, Actions(ob)
+def rows_of(ob: bpy.types.Object, without_row: Container[str] = ()) -> dict[str, list[dict[str, Any]]]:
+    """Returns the rows `actions`, `tracks` and `mixed` of an object whose strips play. without_row: see
+    targets.Targets. Raises Refused."""
+    data, found = ob.animation_data, Actions(ob, without_row)
     if data.use_tweak_mode:
         raise curves.Refused(f"an NLA strip of {ob.name} is being edited: leave its tweak mode")
     tracks = [{"strips": [_row_of(each, found) for each in track.strips]} for track in animation.played_tracks(data)]

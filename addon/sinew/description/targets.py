@@ -31,6 +31,7 @@ class Targets:
         self.along: dict[str, float] = {}  # bones of which another place than the head is read: 1 is the tail
         self.moving: dict[str, bpy.types.Object] = {}  # those whose matrices the program computes, and their parents
         self.splines: dict[str, bpy.types.Object] = {}  # curves that Spline IK follows
+        self.without_row: set[str] = set()  # paths of constraints that do nothing, whatever is animated of them
         self.refused: list[str] = []
         self._actions: dict[tuple[str, int], dict[str, list[Channel]]] = {}
 

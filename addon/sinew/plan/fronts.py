@@ -4,6 +4,7 @@ Blender evaluates a front on a canvas, once, as long as nothing of it is edited;
 use Blender.
 """
 
+import itertools
 from collections.abc import Sequence
 
 from ..blender import modifier_types
@@ -11,30 +12,36 @@ from .situation import Modifier, Situation
 
 
 def of(modifiers: Sequence[Modifier], taken: Sequence[str]) -> tuple[Modifier, ...]:
-    """Returns the front, in stack order; none if all modifiers before the first taken one keep the vertices. modifiers:
-    of an object, in stack order; taken: as in Situation."""
+    """Returns the front, in stack order; none if all modifiers before the first taken one keep the vertices. A
+    Collision before it is no part of it: the object keeps it, and it sees the same there. modifiers: of an object, in
+    stack order; taken: as in Situation."""
     found = []
     for modifier in modifiers if taken else ():
         if modifier.name == taken[0]:
             break
         if not modifier.is_own and not modifier.does_nothing:
             found.append(modifier)
+    found = list(itertools.dropwhile(lambda each: each.type == "COLLISION", found))
     return () if all(modifier.keeps_shape for modifier in found) else tuple(found)
 
 
-def why_not(situation: Situation) -> str:
-    """Returns why Sinew cannot begin with the result of the object's front, a clause about a modifier or a sentence, or
-    ""."""
+def why_not(situation: Situation) -> tuple[str, str]:
+    """Returns why Sinew cannot begin with the result of the object's front, a clause about a modifier or a sentence,
+    and the name of that modifier, or ""; "" twice if it can."""
     for modifier in of(situation.modifiers, situation.taken):
         if modifier.type not in modifier_types.FRONTS or situation.keys is not None:
-            return f"{modifier.full_name} comes before {situation.taken[0]}, with which Sinew has to begin"
+            return (
+                f"{modifier.full_name} comes before {situation.taken[0]}, with which Sinew has to begin",
+                modifier.name,
+            )
         reason = "it is animated" if modifier.is_animated else modifier.front_trouble
         if not reason and situation.is_linked and situation.canvas is None:
             reason = "the object is linked, so Sinew cannot add what it needs to begin with the result"
         if reason:
-            return f"{modifier.full_name} comes before {situation.taken[0]}, and {reason}"
+            return f"{modifier.full_name} comes before {situation.taken[0]}, and {reason}", modifier.name
     if situation.wants_more:
-        return (
+        reason = (
             "Its method or output needs the mesh's own vertices, and modifiers before the Armature modifier make others"
         )
-    return situation.front_trouble
+        return reason, ""
+    return situation.front_trouble, ""

@@ -130,9 +130,10 @@ def _why_not_first(situation: Situation) -> str:
                 f"{modifier.full_name} changes the vertex group {modifier.feeds} before the mesh is deformed by it: "
                 f"apply {modifier.name} if the weights may stay as they are{where}"
             )
-        reason = fronts.why_not(situation)
+        reason, name = fronts.why_not(situation)
         if reason and not modifier.keeps_shape:
-            return f"{reason}: move {modifier.name} behind {taken[0]} if the shape may be made in that order{where}"
+            name = name or modifier.name
+            return f"{reason}: move {name} behind {taken[0]} if the shape may be made in that order{where}"
         if situation.keys is not None:
             return (
                 f"{modifier.full_name} comes before {taken[0]}, with which Sinew has to begin: move {modifier.name} "
