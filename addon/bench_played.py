@@ -41,7 +41,17 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
     assert bpy.ops.object.sinew_bind() == {"FINISHED"}
     bpy.ops.object.select_all(action="DESELECT")
     scene, layer = bpy.context.scene, bpy.context.view_layer
-    names = ("modifiers", "live", "accelerated", "recording", "played", "hidden", "reading", "states", "handing back")
+    names = (
+        "modifiers",
+        "live",
+        "accelerated",
+        "recording",
+        "played",
+        "hidden",
+        "reading",
+        "taking over",
+        "handing back",
+    )
     times = {name: [] for name in names}
 
     def take(what):
@@ -74,7 +84,7 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
         take("recording")
         assert all(np.array_equal(a, b) for a, b in zip(found, shapes(meshes)))
         wanted = shapes_at_the_end(meshes)
-        take_over("states", rigs)
+        take_over("taking over", rigs)
         take("played")
         found = shapes(meshes)
         assert all(rig.is_played for rig in rigs)
@@ -111,7 +121,7 @@ def main(options):
     print("|" + "---|" * 11)
     names = ("modifiers", "live", "accelerated", "recording", "played")
     cells = [number(row[f"{what}_ms"]) for what in names] + [number(row["faster"], "x")]
-    names = ("hidden", "reading", "states", "handing back")
+    names = ("hidden", "reading", "taking over", "handing back")
     cells += [number(row[f"{what}_ms"]) for what in names] + [f"{row['megabytes']:.2f}"]
     print(f"| {' | '.join(cells)} |", flush=True)
     if options.json:

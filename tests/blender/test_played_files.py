@@ -81,7 +81,7 @@ deform_small_meshes()
 bpy.ops.wm.read_homefile(use_empty=True)
 cast = test_played.Cast(bpy.context.scene)
 print("names:", *(cast.played[i].name + "=" + cast.live[i].name for i in (1, 2)), flush=True)
-cast.take over()
+cast.take_over()
 cast.scene.frame_set(8)
 bpy.ops.wm.save_as_mainfile(filepath={path!r})
 if {is_building!r}:
