@@ -445,7 +445,7 @@ def offered(module, reason):
     ob = SimpleNamespace(
         pose=SimpleNamespace(bones={"hip"}), animation_data=SimpleNamespace(action="action", nla_tracks=[])
     )
-    rig = SimpleNamespace(ob=ob, source=source, is_distrusted=False, difference=None)
+    rig = SimpleNamespace(ob=ob, source=source, trust=SimpleNamespace(is_distrusted=False, difference=None))
     labels = {cls.bl_idname: cls.bl_label for cls in cures.CLASSES}
     return [text or labels[name] for name, text in cures.offered(reason, rig)]
 
