@@ -576,7 +576,7 @@ def test_animation_that_is_added_while_it_plays(fresh_scene, add, of, updates):
     reason = addon_module("run.characters").character(pair[0]).way.reason
     block = part(pair[0], of)
     title = {"mesh": "the mesh", "keys": "the shape keys", "armature": "the armature"}[of]
-    name = 'Use Deform of the bone "bone2"' if of == "armature" else PATHS[of]
+    name = SPOKEN[of]
     assert reason == f"{name} of {title} {block.name} is {how}, and Sinew reads that only after edits: {advice}"
     for ob in pair:
         part(ob, of).animation_data_clear()
