@@ -125,5 +125,26 @@ TEST(RigBend, NoEndHasALengthOf0) {
   }
 }
 
+/// Segments on which no bone depends are computed if they are asked for.
+TEST(RigBend, ABoneThatFollowsABendHasIt) {
+  RigDescription rig = bent_between();
+  const int follower = add_bone(rig, "follower", -1, {3, 0, 0});
+  ConstraintDescription& follows = add_constraint(rig, ConstraintType::copy_location, follower, 1);
+  set(follows, "head_tail", 0.4F);
+  rig.bones[1].values[kPoseBend + +kBendCurveInX] = 0.7F;
+  const rig::Vec3 straight = poses_of(rig)[follower].location();
+  set(follows, "use_bbone_shape", 1);
+  const RigProgram program(rig);
+  const rig::Vec3 bent = poses_of(program)[follower].location();
+  EXPECT_GT(rig::length(bent - straight), 0.05F);
+  std::vector<Matrix4<float>> poses(program.bone_names().size()), segments(program.segment_begin().back());
+  const float frame = 1;
+  RigOutputs outputs;
+  outputs.poses = MatrixStack<float>::of(poses.data(), 1, std::ssize(poses));
+  outputs.segments = MatrixStack<float>::of(segments.data(), 1, std::ssize(segments));
+  program.evaluate({&frame, 1}, {}, outputs);
+  for (int row = 0; row < 3; ++row) EXPECT_EQ(poses[follower](row, 3), bent[row]);
+}
+
 }  // namespace
 }  // namespace sinew

@@ -55,7 +55,7 @@ void place_objects(const Program& program, State& state) {
 
 }  // namespace
 
-void evaluate(const Program& program, State& state, float frame) {
+void evaluate(const Program& program, State& state, float frame, bool has_segments) {
   state.frame = frame;
   state.undefined_driver = -1;
   ++state.pass;
@@ -95,6 +95,7 @@ void evaluate(const Program& program, State& state, float frame) {
         follow_spline(program, state, program.chains[operation.index]);
         break;
       case Operation::Type::segments:
+        if (operation.is_shown && !has_segments) break;
         state.enter(RigPart::segments);
         bend_bone(program, state, operation.index);
         break;

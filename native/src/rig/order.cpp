@@ -137,6 +137,7 @@ class Graph {
   void see_ready(int bone);
   std::optional<Operation> operation_of(int node) const;
   std::vector<int> in_line() const;
+  std::vector<char> needed_by_bones(const std::vector<int>& line) const;
   std::string name(int node) const;
   [[noreturn]] void refuse_cycle(const std::vector<int>& path, int again) const;
 
@@ -436,11 +437,24 @@ std::optional<Operation> Graph::operation_of(int node) const {
   return Operation{Operation::Type::chain, chain};
 }
 
+/// Which nodes there have to be for others than segments of B-bones. line: as in_line returns it.
+std::vector<char> Graph::needed_by_bones(const std::vector<int>& line) const {
+  std::vector<char> found(needs_.size(), 1);
+  std::fill(found.begin() + segments_node(0), found.begin() + done_node(0), 0);
+  for (auto node = line.rbegin(); node != line.rend(); ++node) {
+    if (found[*node] == 0) continue;
+    for (const int other : needs_[*node]) found[other] = 1;
+  }
+  return found;
+}
+
 std::vector<Operation> Graph::sorted() {
   std::vector<Operation> order;
   std::vector<int> levels(needs_.size(), 0);
   std::vector<int> last_of_trees(program_.trees.size(), -1);
-  for (const int node : in_line()) {
+  const std::vector<int> line = in_line();
+  const std::vector<char> are_needed = needed_by_bones(line);
+  for (const int node : line) {
     std::optional<Operation> operation = operation_of(node);
     const bool is_tree = operation && operation->type == Operation::Type::tree;
     if (is_tree) {  // those that share bones one after the other
@@ -453,6 +467,7 @@ std::vector<Operation> Graph::sorted() {
     }
     if (!operation) continue;
     operation->level = levels[node];
+    operation->is_shown = are_needed[node] == 0;
     order.push_back(*operation);
   }
   // Trees that do not need each other are solved at the same time.

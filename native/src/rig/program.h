@@ -178,8 +178,9 @@ struct Chain {
 struct Operation {
   enum class Type : std::uint8_t { bone, driver, tree, segments, chain };
   Type type;
-  int index;      ///< of a tree, in Program::solves
-  int level = 0;  ///< how many trees come before it, one needing the other
+  int index;              ///< of a tree, in Program::solves
+  int level = 0;          ///< how many trees come before it, one needing the other
+  bool is_shown = false;  ///< segments on which no bone and no driver depends
 };
 
 struct Program {

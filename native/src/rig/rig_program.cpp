@@ -207,6 +207,7 @@ std::ptrdiff_t RigProgram::record_size(std::span<const RecordField> fields) cons
 void RigProgram::evaluate(std::span<const float> frames, const GivenInputs& given, const RigOutputs& out) const {
   // Enough frames for each thread that starting it does not count.
   constexpr std::size_t kGrain = 4;
+  const bool has_segments = out.segments || out.motions || out.records;
   parallel_for(frames.size(), std::max(kGrain, frames.size() / (8 * static_cast<std::size_t>(thread_count()) + 1)),
                [&](std::size_t begin, std::size_t end) {
                  const Borrowed borrowed(*states_, *program_);
@@ -214,7 +215,7 @@ void RigProgram::evaluate(std::span<const float> frames, const GivenInputs& give
                  for (std::size_t f = begin; f < end; ++f) {
                    const auto frame = static_cast<std::ptrdiff_t>(f);
                    take_inputs(given, *program_, frame, state);
-                   rig::evaluate(*program_, state, frames[f]);
+                   rig::evaluate(*program_, state, frames[f], has_segments);
                    if (state.undefined_driver >= 0) {
                      fail("the driver of ", program_->map.name(program_->drivers[state.undefined_driver].value),
                           " divides by 0 or has no value on frame ", frames[f],
@@ -241,7 +242,7 @@ std::array<double, kRigPartCount> RigProgram::profile(std::span<const float> fra
   for (std::size_t f = 0; f < frames.size(); ++f) {
     take_inputs(given, *program_, static_cast<std::ptrdiff_t>(f), state);
     const Timed timed(state, clock);
-    rig::evaluate(*program_, state, frames[f]);
+    rig::evaluate(*program_, state, frames[f], true);
   }
   return clock.seconds;
 }

@@ -152,7 +152,8 @@ class States {
   std::vector<std::unique_ptr<State>> idle_;
 };
 
-/// Computes a frame from state.base, state.outside and the program.
-void evaluate(const Program& program, State& state, float frame);
+/// Computes a frame from state.base, state.outside and the program. has_segments: also those segments that are only
+/// shown.
+void evaluate(const Program& program, State& state, float frame, bool has_segments);
 
 }  // namespace sinew::rig
