@@ -22,7 +22,7 @@ PYTHON_TESTS_OF_MEMORY=(tests/python/test_{boundaries,deformer,faults,files,play
 
 # What a person does in a window. They take five minutes in each program, so that only a release runs all of them in all;
 # otherwise 5.2 runs the first three.
-WINDOW_TESTS=(in_window played_in_window in_weight_paint weighted first_ogre few_clicks profiled baked reduced each_method)
+WINDOW_TESTS=(in_window played_in_window in_weight_paint weighted first_ogre few_clicks moving_in_window profiled baked reduced each_method)
 
 # [--blender VERSION|all|release] [pytest arguments for the tests in Blender]; release: also what only a release needs
 run_tests() {
