@@ -28,12 +28,12 @@ def of(modifiers: Sequence[Modifier], taken: Sequence[str]) -> tuple[Modifier, .
 def why_not(situation: Situation) -> tuple[str, str]:
     """Returns why Sinew cannot begin with the result of the object's front, a clause about a modifier or a sentence,
     and the name of that modifier, or ""; "" twice if it can."""
-    for modifier in of(situation.modifiers, situation.taken):
-        if modifier.type not in modifier_types.FRONTS or situation.keys is not None:
-            return (
-                f"{modifier.full_name} comes before {situation.taken[0]}, with which Sinew has to begin",
-                modifier.name,
-            )
+    front = of(situation.modifiers, situation.taken)
+    unable = [each for each in front if each.type not in modifier_types.FRONTS or situation.keys is not None]
+    for modifier in front:
+        if modifier in unable:  # without one that changes the shape, those that keep it may not be in the way
+            found = next((each for each in unable if not each.keeps_shape), modifier)
+            return f"{found.full_name} comes before {situation.taken[0]}, with which Sinew has to begin", found.name
         reason = "it is animated" if modifier.is_animated else modifier.front_trouble
         if not reason and situation.is_linked and situation.canvas is None:
             reason = "the object is linked, so Sinew cannot add what it needs to begin with the result"
