@@ -517,7 +517,7 @@ def test_a_muted_constraint_keeps_nothing_live(cast):
     cast.assert_same()
     cast.play([5, 4])
     wait(cast)
-    assert not cast.rig.is_frozen and "Wheel has constraints" in cast.rig.reason
+    assert not cast.rig.is_played and "Wheel has constraints" in cast.rig.reason
     limit.mute = True
     layer().update()
     cast.assert_same()
@@ -526,13 +526,13 @@ def test_a_muted_constraint_keeps_nothing_live(cast):
     limit.keyframe_insert("enabled", frame=1)
     layer().update()
     wait(cast)
-    assert not cast.rig.is_frozen and "Wheel has constraints" in cast.rig.reason
+    assert not cast.rig.is_played and "Wheel has constraints" in cast.rig.reason
     cast.play([5, 4])
 
 
 @pytest.mark.parametrize("kind", ("LIMIT_LOCATION", "COPY_LOCATION"))
 def test_a_muted_constraint_of_the_armature_says_nothing(cast, kind):
-    armature = cast.frozen[0]
+    armature = cast.played[0]
     constraint = armature.constraints.new(kind)
     constraint.mute = True
     layer().update()

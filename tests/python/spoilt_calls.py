@@ -243,7 +243,7 @@ def host_calls():
     curves = host.CurveLayout(0, 0, 0, 0, 0, 0, 0, 0, 0, 4, 0, [(0, 4)])
     memory = (ctypes.c_char * 64)()
     stored = host.StoredCurves([ctypes.addressof(memory)], curves)
-    values = host.StructValues([([0], "b")])
+    values, places = host.StructValues([([0], "b")]), host.PlaceLayout(0, 8, 136, 4)
     joints, counts = np.array([0, -1, 1], np.int32), np.array([1, 0, 3], np.int32)
     offsets = np.array([0, 2, 2, 3]), np.array([3, 1, 0], np.int32), np.ones(3, floats_of)
     calls = {
@@ -282,6 +282,8 @@ def host_calls():
         "play_original_pose": (host.play_original_pose, {"bone": bone, "layout": layout, "record": record}),
         "step_poses": (host.step_poses, {"layout": layout, "steps": [(bone, 0, record, record)]}),
         "are_poses": (host.are_poses, {"layout": layout, "asked": [(bone, record)]}),
+        "PlaceLayout.__init__": (host.PlaceLayout, {"pointer": 0, "matrix": 8, "flags": 136, "mirrored": 4}),
+        "write_places": (host.write_places, {"layout": places, "rows": [(-1, np.eye(4, dtype="f").tobytes(), [], 0)]}),
         "CurveLayout.__init__": (
             host.CurveLayout,
             dict.fromkeys(("keys", "count", "path", "modifiers", "samples", "extrapolation", "index", "flag"), 0)
