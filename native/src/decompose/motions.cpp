@@ -1,10 +1,10 @@
 #include "decompose/motions.h"
 
-#include <Eigen/SVD>
 #include <algorithm>
 
 #include "base/cancelled.h"
 #include "base/parallel.h"
+#include "base/polar.h"
 
 namespace sinew {
 namespace {
@@ -27,11 +27,8 @@ Motions::Matrix34 rigid_fit(const Motions::Matrix34& moments, const Eigen::Matri
   const double sum = squares(3, 3);
   const Eigen::Vector3d from = squares.block<3, 1>(0, 3) / sum, to = moments.col(3) / sum;
   const Eigen::Matrix3d turn = moments.leftCols<3>() - sum * to * from.transpose() + kKept * sum * before.leftCols<3>();
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(turn, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix3d u = svd.matrixU();
-  if (u.determinant() * svd.matrixV().determinant() < 0) u.col(2) = -u.col(2);
   Motions::Matrix34 result;
-  result.leftCols<3>() = u * svd.matrixV().transpose();
+  result.leftCols<3>() = nearest_rotation_to_any(turn);
   result.col(3) = to - result.leftCols<3>() * from;
   return result;
 }

@@ -1,13 +1,11 @@
 #include "sinew/object_place.h"
 
-#include "rig/matrix.h"
+#include "rig/eigen.h"
 
 namespace sinew {
 namespace {
 
 rig::Mat4 own_of(const Matrix4<float>& m) { return rig::matrix_of(std::span<const float, 16>(m.data(), 16)); }
-
-Matrix4<float> eigen_from(const rig::Mat4& m) { return Eigen::Map<const Matrix4<float>>(&m.columns[0][0]); }
 
 /// Blender moves a matrix without an inverse by this much, and keeps the identity if there is still none.
 constexpr float kNudge = 1e-8F;
@@ -23,7 +21,7 @@ ObjectPlace place_at(const rig::Mat4& world) {
     if (inverse == kNone) inverse = rig::kIdentity4;
   }
   const bool is_mirrored = dot(cross(world.axis(0), world.axis(1)), world.axis(2)) < 0;
-  return {eigen_from(world), eigen_from(inverse), has_inverse, is_mirrored};
+  return {rig::eigen_of(world), rig::eigen_of(inverse), has_inverse, is_mirrored};
 }
 
 }  // namespace

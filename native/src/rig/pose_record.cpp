@@ -6,6 +6,7 @@
 #include "base/check.h"
 #include "rig/channels.h"
 #include "rig/dual_quaternion.h"
+#include "rig/eigen.h"
 
 namespace sinew::rig {
 namespace {
@@ -136,9 +137,7 @@ void write_record(const Program& program, State& state, std::span<const RecordFi
 
 void write_motions(const Program& program, State& state, const MatrixStack<float>& out, std::ptrdiff_t frame) {
   std::ptrdiff_t joint = 0;
-  const auto write = [&](const Mat4& motion) {
-    out.at(frame, joint++) = Eigen::Map<const Matrix4<float>>(&motion.columns[0][0]);
-  };
+  const auto write = [&](const Mat4& motion) { out.at(frame, joint++) = eigen_of(motion); };
   for (int index = 0; index < static_cast<int>(program.bones.size()); ++index) {
     const Bone& bone = program.bones[index];
     if (!bone.is_bendy()) {

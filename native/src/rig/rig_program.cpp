@@ -6,6 +6,7 @@
 
 #include "base/check.h"
 #include "base/parallel.h"
+#include "rig/eigen.h"
 #include "rig/pose_record.h"
 #include "rig/program.h"
 #include "rig/spaces.h"
@@ -66,13 +67,9 @@ void take_inputs(const GivenInputs& given, const rig::Program& program, std::ptr
   }
 }
 
-Eigen::Map<const Matrix4<float>> eigen_of(const rig::Mat4& matrix) {
-  return Eigen::Map<const Matrix4<float>>(&matrix.columns[0][0]);
-}
-
 void write_matrices(const std::vector<rig::Mat4>& matrices, const MatrixStack<float>& out, std::ptrdiff_t frame) {
   for (std::size_t i = 0; i < matrices.size(); ++i) {
-    out.at(frame, static_cast<std::ptrdiff_t>(i)) = eigen_of(matrices[i]);
+    out.at(frame, static_cast<std::ptrdiff_t>(i)) = rig::eigen_of(matrices[i]);
   }
 }
 
@@ -168,7 +165,7 @@ std::vector<std::string> RigProgram::keyed() const {
   return names;
 }
 
-Matrix4<float> RigProgram::rest(std::ptrdiff_t bone) const { return eigen_of(program_->bones[bone].rest); }
+Matrix4<float> RigProgram::rest(std::ptrdiff_t bone) const { return rig::eigen_of(program_->bones[bone].rest); }
 
 void RigProgram::convert(const MatrixStack<const float>& poses, std::ptrdiff_t bone, BoneSpace from, BoneSpace to,
                          const MatrixStack<float>& out) const {
@@ -192,7 +189,7 @@ void RigProgram::convert(const MatrixStack<const float>& poses, std::ptrdiff_t b
     rig::posed_parent(*program_, state, index);
     rig::Mat4 m = pose_of(frame, bone);
     if (start == world) m = rig::to_world(state, m);
-    out.at(frame, 0) = eigen_of(rig::converted(*program_, state, {index, -1, rig::kIdentity4}, m, start, end));
+    out.at(frame, 0) = rig::eigen_of(rig::converted(*program_, state, {index, -1, rig::kIdentity4}, m, start, end));
   }
 }
 

@@ -1,12 +1,10 @@
 #include "sinew/local_transforms.h"
 
-#include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <Eigen/SVD>
-#include <cmath>
 
 #include "base/check.h"
 #include "base/parallel.h"
+#include "base/polar.h"
 
 namespace sinew {
 namespace {
@@ -15,36 +13,6 @@ namespace {
 constexpr double kSmallestScale = 1e-6;
 
 constexpr std::size_t kFramesPerTask = 4;
-
-// A matrix whose volume is smaller than this share of that of its columns is too flat for Newton's iteration.
-constexpr double kFlat = 1e-6;
-
-/// Returns the rotation nearest to a matrix that does not mirror, by singular values.
-Eigen::Matrix3d rotation_of_flat(const Eigen::Matrix3d& linear) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> found(linear, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix3d left = found.matrixU();
-  if (left.determinant() * found.matrixV().determinant() < 0) left.col(2) *= -1;
-  return left * found.matrixV().transpose();
-}
-
-/// Returns the rotation nearest to a matrix that does not mirror: the mean of it and its inverse transposed is nearer,
-/// with twice as many digits each time.
-Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& linear) {
-  constexpr int kRounds = 24;
-  constexpr double kSettled = 1e-24;  // of the squared change, after which the next one is below rounding
-  const double volume = linear.determinant();
-  if (!(volume > kFlat * linear.colwise().norm().prod())) return rotation_of_flat(linear);
-  Eigen::Matrix3d turn = linear / std::cbrt(volume);
-  for (int round = 0; round < kRounds; ++round) {
-    Eigen::Matrix3d other;
-    other << turn.col(1).cross(turn.col(2)), turn.col(2).cross(turn.col(0)), turn.col(0).cross(turn.col(1));
-    other = 0.5 * (turn + other / other.col(0).dot(turn.col(0)));
-    const double change = (other - turn).squaredNorm();
-    turn = other;
-    if (change < kSettled) return turn;
-  }
-  return rotation_of_flat(linear);
-}
 
 /// Splits a matrix into the nearest rotation and the scale along its columns that is nearest then.
 void split(const Eigen::Matrix3d& linear, Eigen::Matrix3d& turn, Eigen::Vector3d& scale) {

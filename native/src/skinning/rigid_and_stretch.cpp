@@ -1,9 +1,9 @@
 #include "skinning/rigid_and_stretch.h"
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 
+#include "base/polar.h"
 #include "skinning/split_kernel.h"
 
 namespace sinew {
@@ -35,30 +35,6 @@ RigidAndStretch stretched(RigidAndStretch motion, const Eigen::Matrix<double, 3,
   motion.displacement = (stretch - Eigen::Matrix<double, 3, 4>::Identity()).cast<float>();
   motion.is_rigid = false;
   return motion;
-}
-
-/// Returns the rotation nearest to a matrix, by singular values; if it mirrors or is flat, one of the nearest.
-Eigen::Matrix3d nearest_rotation_to_any(const Eigen::Matrix3d& linear) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(linear, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d sign = Eigen::Vector3d::Ones();
-  if ((svd.matrixU() * svd.matrixV().transpose()).determinant() < 0) sign.z() = -1;
-  return svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
-}
-
-/// Likewise, by Newton's iteration if the matrix does neither: a few steps instead of a decomposition. Higham,
-/// "Computing the polar decomposition with applications", SIAM J. Sci. Stat. Comput. 7(4), 1986, section 3.
-Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& linear) {
-  constexpr double kFlat = 1e-3, kConverged = 1e-8;  // a step of 1e-8 leaves an error of its square
-  constexpr int kSteps = 20;
-  const double size = linear.norm();
-  if (!(linear.determinant() > kFlat * size * size * size)) return nearest_rotation_to_any(linear);
-  Eigen::Matrix3d rotation = linear;
-  for (int step = 0; step < kSteps; ++step) {
-    const Eigen::Matrix3d change = (rotation.inverse().transpose() - rotation) / 2;
-    rotation += change;
-    if (change.squaredNorm() < kConverged * kConverged) return rotation;
-  }
-  return nearest_rotation_to_any(linear);
 }
 
 RigidAndStretch split_polar(const Matrix4<float>& matrix) {
