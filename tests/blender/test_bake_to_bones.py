@@ -131,7 +131,7 @@ def test_the_report_and_the_attribute_are_what_blender_shows(figure):
     before = played(ob)
     select(ob)
     baking, frame_range = module("conversion"), addon_module("bake.frame_range")
-    report = baking.run(bpy.context, [ob], baking.Settings(frame_range.FrameRange(1, 10), bones=3))
+    report = baking.run(bpy.context, [ob], baking.Settings(frames=frame_range.FrameRange(1, 10), bones=3))
     made = bpy.data.objects[report.objects[0]]
     off = np.linalg.norm(played(made) - before, axis=2)
     assert report.largest == pytest.approx(off.max(), rel=1e-3) and report.mean == pytest.approx(off.mean(), rel=1e-3)
@@ -241,7 +241,7 @@ def test_scaled_bones_are_keyed_and_what_shears_is_the_nearest(figure):
         pose(rig, frame, True)
     baking, frame_range = module("conversion"), addon_module("bake.frame_range")
     before = played(ob)
-    report = baking.run(bpy.context, [ob], baking.Settings(frame_range.FrameRange(1, 10), bones=0))
+    report = baking.run(bpy.context, [ob], baking.Settings(frames=frame_range.FrameRange(1, 10), bones=0))
     made = bpy.data.objects[report.objects[0]]
     curves = addon_module("blender.animation").keyed_curves(bpy.data.objects[report.armature])
     assert any(curve.data_path.endswith(".scale") for curve in curves)
@@ -261,7 +261,7 @@ def test_the_elephants_clip(fresh_scene):
 def _run(*objects, **settings):
     scene, baking = bpy.context.scene, module("conversion")
     frames = addon_module("bake.frame_range").FrameRange(scene.frame_start, scene.frame_end)
-    return baking.run(bpy.context, objects, baking.Settings(frames, **settings))
+    return baking.run(bpy.context, objects, baking.Settings(frames=frames, **settings))
 
 
 # --- nothing else changes -------------------------------------------------------------------------
@@ -298,7 +298,7 @@ def test_what_is_stopped_leaves_nothing(figure, share):
     select(ob)
     before, baking = state(), module("conversion")
     frames = addon_module("bake.frame_range").FrameRange(1, 10)
-    steps = baking.steps(bpy.context, [ob], baking.Settings(frames, bones=3))
+    steps = baking.steps(bpy.context, [ob], baking.Settings(frames=frames, bones=3))
     for done, text in steps:
         if done >= share and (share < 0.5 or text == baking.FOUND):
             break
@@ -311,7 +311,7 @@ def test_the_steps_give_the_same_as_one_call(figure):
     select(ob)
     baking, shares = module("conversion"), []
     frames = addon_module("bake.frame_range").FrameRange(1, 10)
-    steps = baking.steps(bpy.context, [ob], baking.Settings(frames, bones=3))
+    steps = baking.steps(bpy.context, [ob], baking.Settings(frames=frames, bones=3))
     try:
         while True:
             shares.append(next(steps)[0])

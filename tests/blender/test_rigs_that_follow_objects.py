@@ -97,8 +97,8 @@ def test_it_is_computed(cast):
     assert followed(cast.played[0]) == before == followed(cast.live[0])
 
 
-def test_blender_does_not_evaluate_its_bones_again(cast, monkeypatch):
-    """What it follows moves on each frame: bones that Blender evaluated because of that would be others."""
+def assert_blender_evaluates_no_bones(cast, monkeypatch):
+    """While Sinew writes none."""
     cast.accelerate()
     cast.scene.frame_set(4)
     copy = cast.played[0].evaluated_get(depsgraph())
@@ -106,6 +106,11 @@ def test_blender_does_not_evaluate_its_bones_again(cast, monkeypatch):
     before = np.array([bone.matrix for bone in copy.pose.bones])
     cast.scene.frame_set(9)
     assert np.array_equal([bone.matrix for bone in copy.pose.bones], before)
+
+
+def test_blender_does_not_evaluate_its_bones_again(cast, monkeypatch):
+    """What it follows moves on each frame: bones that Blender evaluated because of that would be others."""
+    assert_blender_evaluates_no_bones(cast, monkeypatch)
 
 
 def test_a_copy_that_blender_makes_meanwhile_follows_it_all_the_same(cast, monkeypatch):

@@ -12,6 +12,7 @@ from helpers import addon_module, depsgraph, evaluated, needs_memory, needs_rig_
 from test_accelerated_rigs import accelerating, keep_live, wait
 from test_played import FRAMES, Cast, layer
 from test_played_who import both, can_render
+from test_rigs_that_follow_objects import assert_blender_evaluates_no_bones
 
 pytestmark = [needs_rig_programs, needs_memory]
 
@@ -215,17 +216,21 @@ def test_what_it_carries_can_be_moved(cast, edit):
     cast.play()
 
 
-def test_it_is_undone(cast):
+def assert_undone(cast, move):
     cast.accelerate()
     cast.scene.frame_set(5)
     bpy.ops.ed.undo_push(message="before")
-    cast.move("location")
+    move()
     bpy.ops.ed.undo_push(message="moved")
     cast.undo()
     cast.assert_same()
     cast.play([6, 5])
     wait(cast)
     cast.play()
+
+
+def test_it_is_undone(cast):
+    assert_undone(cast, lambda: cast.move("location"))
 
 
 def test_the_file_has_what_blender_alone_would_save(cast, tmp_path):
@@ -303,13 +308,7 @@ def test_its_parents_move(carried):
 
 
 def test_blender_does_not_evaluate_bones_because_of_its_parents(carried, monkeypatch):
-    carried.accelerate()
-    carried.scene.frame_set(4)
-    copy = carried.played[0].evaluated_get(depsgraph())
-    monkeypatch.setattr(addon_module("played.playing"), "_has_work", lambda: False)
-    before = np.array([bone.matrix for bone in copy.pose.bones])
-    carried.scene.frame_set(9)
-    assert np.array_equal([bone.matrix for bone in copy.pose.bones], before)
+    assert_blender_evaluates_no_bones(carried, monkeypatch)
 
 
 def pose_it(cast):
@@ -393,16 +392,7 @@ def test_two_edits_of_a_rig_whose_parents_move(carried, first, second):
 
 
 def test_what_its_parent_hangs_on_is_undone(carried):
-    carried.accelerate()
-    carried.scene.frame_set(5)
-    bpy.ops.ed.undo_push(message="before")
-    carried.move_parents(0, "location")
-    bpy.ops.ed.undo_push(message="moved")
-    carried.undo()
-    carried.assert_same()
-    carried.play([6, 5])
-    wait(carried)
-    carried.play()
+    assert_undone(carried, lambda: carried.move_parents(0, "location"))
 
 
 def test_a_size_of_nothing(scene):

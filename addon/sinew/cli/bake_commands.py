@@ -66,7 +66,7 @@ def bake_to_bones(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     if arguments.given(options, bake_options.ExactOptions) or hasattr(options, "armature"):
         raise ValueError("these options are for bakes with --exact: add it, or leave them out")
     found = arguments.given(options, bake_options.FoundOptions)
-    settings = conversion.Settings(frames, **found | {"bones": 0} if options.rig_bones else found)
+    settings = conversion.Settings(frames=frames, **found | {"bones": 0} if options.rig_bones else found)
     objects = evaluation.objects_to_bake(bpy.context, names_of(options.objects))
     made = conversion.run(bpy.context, objects, settings)
     if options.max_error is not None and made.largest > options.max_error:

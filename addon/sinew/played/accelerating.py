@@ -80,9 +80,7 @@ def _step(scene: Any, layer: Any, number: int) -> bool:
     for rig in own:
         if rig.trial.tried_at != number:
             changes.trust_again(rig)
-    own = [
-        rig for rig in own if not rig.stays_live and not rig.trust.is_distrusted and rig.ob.mode in ("OBJECT", "POSE")
-    ]
+    own = [rig for rig in own if not (rig.stays_live or rig.trust.is_distrusted) and rig.ob.mode in ("OBJECT", "POSE")]
     own = [rig for rig in own if not rig.trial.rest.left and (rig.trial.tries == 0 or rig.trial.tried_at != number)]
     due = [rig for rig in own if rig.trial.tries_to_skip == 0]
     for rig in own:

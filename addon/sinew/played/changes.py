@@ -114,9 +114,8 @@ def begin(own: Sequence[rigs.Rig], scene: Any, graph: Any) -> None:
 
 def meet(rig: rigs.Rig, found: Followers, users: Any, graph: Any) -> None:
     """Takes note of what follows an armature now. If it has no record, watches what it depends on from now on."""
-    if rig.motion.watch is not None and rig.motion.watch.follow != [
-        (values.key_of(keys), numbers) for keys, numbers in found.keyed
-    ]:
+    following = [(values.key_of(keys), numbers) for keys, numbers in found.keyed]
+    if rig.motion.watch is not None and rig.motion.watch.follow != following:
         drop_all(rig)
     rig.followers = found
     if rig.motion.watch is None:

@@ -18,7 +18,7 @@ from ..blender import animation, dependencies, spoken_paths
 from ..description import curves, driven_keys, edits, objects, reading, rna_paths, strips
 from ..host import evaluations, poses
 from ..native import sinew_native
-from . import changes, differences, followers, leading, places, rigs, settings, watch
+from . import changes, differences, families, followers, leading, rigs, settings, watch
 from .followers import Followers
 from .keys import Keys, keys_of
 from .rigs import Source
@@ -46,7 +46,7 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
         return
     if rigs.shows(rig, graph, computed) or differences.is_near(rig, copy, frame):
         if rig.source.place:
-            places.prove(rig.source.place, graph)
+            families.prove(rig.source.place, graph)
         rig.source.is_proven, rig.trust.is_posable = True, rig.source.is_posable
         rig.motion.computed = frame, computed
         return
@@ -172,9 +172,8 @@ def _remember(rig: rigs.Rig, read: reading.Reading, source: Source, graph: Any) 
     has_keys = rig.motion.watch is not None and rig.motion.watch.action is not None
     is_compared = has_keys == rigs.has_animation(rig.ob) or strips.play(rig.ob)
     if rig.motion.watch is not None and is_compared and not rig.motion.has_edited_keys:
-        rig.motion.last = _Last(
-            source, edits.Known(rig.ob, read, graph, _seen(rig, graph)), rig.motion.keys, rig.motion.watch
-        )
+        known = edits.Known(rig.ob, read, graph, _seen(rig, graph))
+        rig.motion.last = _Last(source, known, rig.motion.keys, rig.motion.watch)
 
 
 def _seen(rig: rigs.Rig, graph: Any) -> Any:
@@ -232,11 +231,8 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
 def _keys_now(rig: rigs.Rig, action: Any) -> Keys:
     """Returns what is stored in an armature's own action. While it is idle, what was without a tag does not count, as
     in Blender."""
-    return (
-        rig.motion.keys
-        if rig.is_idle and rig.motion.keys is not None and not rig.motion.has_edited_keys
-        else keys_of(action)
-    )
+    known = rig.motion.keys if rig.is_idle and not rig.motion.has_edited_keys else None
+    return keys_of(action) if known is None else known
 
 
 def differing(own: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
@@ -251,7 +247,7 @@ def differing(own: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
         given |= {
             each.path: value for each, value in zip(rig.source.settings, settings.read(copy, rig.source.settings))
         }
-        given |= zip(_paths_of(rig.source.place), places.numbers_of(rig.source.place, graph))
+        given |= zip(_paths_of(rig.source.place), families.numbers_of(rig.source.place, graph))
         difference = differences.Difference.between(rig, copy, time, given)
         if difference.is_any():
             changes.differ(rig)
@@ -270,7 +266,7 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
                 f"{scene.name} maps its frames to other times: set Old and New of its Time Stretching alike"
             )
         read = reading.read(rig.ob, graph, keyed, _seen(rig, graph), may_move=True)
-        place = places.place_of(rig.ob) if read.targets.moves else ()
+        place = families.place_of(rig.ob) if read.targets.moves else ()
         leaders = leading.leaders_of(rig.ob, read.targets, read.outside, graph)
         program = sinew_native.RigProgram(read.description, keep_description=False)
         counts = tuple(len(numbers) for _keys, numbers in keyed)
@@ -291,7 +287,7 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
     return source
 
 
-def _paths_of(place: places.Place) -> list[str]:
+def _paths_of(place: families.Place) -> list[str]:
     return [objects.path_of(ob, f"{path}[{index}]") for ob, channels in place for path, index in channels]
 
 

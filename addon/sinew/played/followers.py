@@ -41,9 +41,7 @@ class Followers:
     hooked: list[Any] = field(default_factory=list)  # mesh objects with Sinew's hook
     placed: list[Any] = field(default_factory=list)  # objects that hang on bones, or are constrained to them
     shaped: list[Any] = field(default_factory=list)  # objects that Blender deforms
-    carried: list[Any] = field(
-        default_factory=list
-    )  # those of `hooked` that only hang on it, parents first, if it moves
+    carried: list[Any] = field(default_factory=list)  # of `hooked`, what only hangs on it if it moves, parents first
     # Those of them that time has Blender evaluate: their simulations would begin anew if they were tagged.
     simulated: list[Any] = field(default_factory=list)
     is_simulated: bool = False  # some of these, or hooked
@@ -90,7 +88,7 @@ def find(rigs: Iterable[Any], users: dict[Any, set[Any]], graph: Any) -> dict[An
 
 def _of(rig: Any, users: dict[Any, set[Any]], graph: Any, outside_of: Callable[[Any], list[Any]]) -> Followers:
     """outside_of: that of dependencies."""
-    found, groups, moves = Followers(), set(), moves_itself(rig)
+    found, groups, moves = Followers(), set(), description.is_moved_by_keyframes(rig)
     for user in sorted(users.get(rig, set()) | users.get(rig.data, set()), key=lambda each: each.name_full):
         if user in (rig, rig.data):
             continue
@@ -373,11 +371,6 @@ def reading(rig: Any, targets: Sequence[Any]) -> list[Any]:
     """Returns the drivers of an armature object and its data that read some of these objects."""
     own = dependencies.drivers_of_both(rig) if targets else ()
     return [curve for curve in own if any(each in targets for each in dependencies.read_by(curve))]
-
-
-def moves_itself(rig: Any) -> bool:
-    """Whether keyframes, its own or its parents', move an armature object as a whole."""
-    return description.is_moved_by_keyframes(rig)
 
 
 def _set_as_a_whole(rig: Any) -> list[str]:

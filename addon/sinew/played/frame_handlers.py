@@ -13,7 +13,7 @@ from ..main import callbacks
 from . import accelerating, computing, playing, rigs, states
 
 log = logging.getLogger("sinew")
-SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to take over again what is wanted played
+SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to take over again what is to be played
 LOOKS_BEFORE_COMPARING = 10  # without anything to do
 _tried = (0, False)  # the number of evaluations at the last attempt, and whether the scene played
 _has_accelerated = False  # all that can be done without another evaluation
@@ -97,7 +97,7 @@ def is_dragging(window: Any) -> bool:
 
 
 def take_over_again() -> float:
-    """Takes over again what is wanted played and is not selected, as a timer. While the scene plays only what was
+    """Takes over again what is to be played and is not selected, as a timer. While the scene plays only what was
     handed back together with another one, which takes one building of relations; during a drag nothing. If nothing has
     been evaluated since the last call, accelerates rigs. Returns the seconds until the next call."""
     global _tried, _has_accelerated, _looks, _paused_until

@@ -14,7 +14,7 @@ from ..blender import dependencies, values
 from ..blender.values import is_alive
 from ..host import evaluations, key_blocks, keyframes, poses
 from ..host.places import Channel
-from . import followers, places, records, settings
+from . import families, followers, records, settings
 from .followers import Followers
 from .resting import Rest
 from .settings import Setting
@@ -75,7 +75,7 @@ class Shown:
 
     frame: float | None = None
     moment: Any = None  # the Moment of that frame; None: Blender has evaluated it
-    family: places.Family = field(default_factory=places.Family)  # where it was put with it, if it moves as a whole
+    family: families.Family = field(default_factory=families.Family)  # where it was put with it, if it moves as a whole
 
 
 @dataclass(slots=True)
@@ -110,7 +110,7 @@ class Trust:
 class Trial:
     """How an armature is played that nobody has asked to record, see accelerating.py."""
 
-    needs_program: bool = False  # it is wanted played only if it is computed
+    needs_program: bool = False  # it is to be played only if it is computed
     tries: int = 0
     tries_to_skip: int = 0
     tried_at: int = 0
@@ -119,12 +119,12 @@ class Trial:
 
 @dataclass(slots=True)
 class Noticed:
-    """What was seen of an armature at the last look, or when it was played."""
+    """What was seen of an armature at the last look, or when it was taken over."""
 
     is_selected: bool = False  # it was, or something of it, at the last look
     tracks: list[tuple[bool, bool]] = field(default_factory=list)  # as returned by tracks_of, at the last look
-    animation: Any = None  # as returned by animation_of, when it was played
-    actions: list[Any] = field(default_factory=list)  # that Blender had evaluated when it was played
+    animation: Any = None  # as returned by animation_of, when it was taken over
+    actions: list[Any] = field(default_factory=list)  # that Blender had evaluated when it was taken over
     asks_for_keys: bool = False  # one of these was edited so that Blender would evaluate keyframes on this frame
     unseen: list[Any] = field(default_factory=list)  # what it follows, if relations were built without some of it
     hangs_unseen: bool = False  # relations were built without its parent, which moves
@@ -140,7 +140,7 @@ class Rig:
     motion: Motion
     library: str | None = None  # that it is linked from; an override of it has the same name
     state: State = State.LIVE
-    reason: str = ""  # why it is live although it is wanted played, a sentence
+    reason: str = ""  # why it is live although it is to be played, a sentence
     followers: Followers = field(default_factory=Followers)
     source: Source = field(default_factory=Source)
     home: Home = field(default_factory=Home)
@@ -379,7 +379,7 @@ def moment_of(rig: Rig, graph: Any) -> Moment:
     values_now = tuple(key_blocks.values_of(keys.evaluated_get(graph), numbers) for keys, numbers in keyed(rig, graph))
     copy = evaluated_copy(rig, graph)
     own = settings.read(copy, rig.source.settings)
-    return Moment(poses.record(copy), values_now, own, places.numbers_of(rig.source.place, graph))
+    return Moment(poses.record(copy), values_now, own, families.numbers_of(rig.source.place, graph))
 
 
 def keyed(rig: Rig, graph: Any) -> list[tuple[Any, tuple[int, ...]]]:
@@ -398,7 +398,7 @@ def shows(rig: Rig, graph: Any, moment: Any) -> bool:
 
 def is_placed(rig: Rig, graph: Any, moment: Moment) -> bool:
     """Whether an armature is where it was recorded, or what moves it is not."""
-    return not rig.source.place or places.numbers_of(rig.source.place, graph) == moment.place
+    return not rig.source.place or families.numbers_of(rig.source.place, graph) == moment.place
 
 
 def are_left(graph: Any, own: Sequence[Rig]) -> list[bool]:

@@ -1,7 +1,7 @@
 """Takes armatures over from Blender and hands them back, each time by one building of Blender's relations. This module
 alone sets their states:
 
-    LIVE     Blender evaluates it, and nobody wants it played.
+    LIVE     Blender evaluates it, and nobody wants Sinew to play it.
     WANTED   Blender evaluates it. It is to be played; `reason` says why it is not.
     PLAYED   Blender does not evaluate it: its relations were built without its keyframes. It plays its record.
     POSED    The same, but it was edited: Blender has evaluated its bones on this frame, from their channels. Only one
@@ -63,7 +63,7 @@ def take_over(wanted: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
 
 
 def _take_over(wanted: list[rigs.Rig], scene: Any, layer: Any) -> None:
-    """Does what take over says. Raises contract.Broken."""
+    """Does what take_over says. Raises contract.Broken."""
     if not contract.has(features.PLAYING):
         raise contract.Broken(contract.why_not(features.PLAYING))
     layer.update()
@@ -242,7 +242,7 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
 
 
 def _settle_played(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
-    """Writes the pose of an armature that was just played. Returns whether its bones had another pose, so that what
+    """Writes the pose of an armature that was just taken over. Returns whether its bones had another pose, so that what
     follows them has to be evaluated again."""
     graph, pose = layer.depsgraph, rigs.now(rig, scene)
     # Otherwise a handler has changed the frame, or relations.
@@ -278,14 +278,9 @@ def pose(rig: rigs.Rig) -> bool:
     that."""
     changes.drop_all(rig)
     graph = rig.graph()
-    follows_itself = any(each in rig.followers.shaped for each in rig.noticed.unseen)
-    if (
-        not rig.trust.is_posable
-        or follows_itself
-        or any(watch.may_have_moved(each, graph) for each in rig.noticed.unseen)
-    ):
+    if not rig.trust.is_posable or is_moved_unseen(rig, graph):
         return False
-    if is_moved_unseen(rig, graph):
+    if any(each in rig.followers.shaped or watch.may_have_moved(each, graph) for each in rig.noticed.unseen):
         return False
     rig.state, rig.shown.moment, rig.trust.posed_on = State.POSED, None, None
     return True
@@ -490,7 +485,7 @@ def _has_other_keys(ob: Any) -> bool:
 
 
 def take_over_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
-    """Takes over what is wanted played, is not selected, and is computed or recorded on this frame. is_playing: takes
+    """Takes over what is to be played, is not selected, and is computed or recorded on this frame. is_playing: takes
     over only what was handed back because another one was. Call it in the main thread, outside an evaluation."""
     layer.update()  # an edit that Blender has yet to evaluate would count as a difference
     settle(layer.depsgraph)

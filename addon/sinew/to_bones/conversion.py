@@ -1,7 +1,7 @@
 """Bakes meshes of the open scene to bones, step by step."""
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
@@ -17,6 +17,7 @@ from ..plan import bindable
 from ..weights import background
 from . import joints as joint_motions
 from . import sampling, writing
+from .bake_options import FoundOptions
 from .joints import Joints
 from .report import Report
 
@@ -26,14 +27,10 @@ LARGEST_SHEAR = 1e-4  # the cosine between two axes of an object
 
 
 @dataclass(frozen=True)
-class Settings:
-    """What is baked, and how closely."""
+class Settings(FoundOptions):
+    """What is baked, and how closely. bones 0: the deforming bones of the meshes' own armature."""
 
-    frames: FrameRange
-    bones: int = 20  # at most so many are found; 0: the deforming bones of the meshes' own armature
-    max_influences: int = 4  # of a vertex
-    iterations: int = 30
-    tolerance: float = 1e-3  # ends when three iterations lower the error by less than this share of it
+    frames: FrameRange = field(kw_only=True)
 
 
 def run(context: Any, objects: Sequence[bpy.types.Object], settings: Settings) -> Report:

@@ -27,10 +27,10 @@ def added(kind: Any) -> Callable[[Any], Any]:
 
 def read(operator: Any, kind: Any) -> Any:
     """Returns a dataclass with the values of an operator's properties."""
-    values = {name: getattr(operator, name) for name in options.of(kind)}
+    values = {}
     for name, (_default, option) in options.of(kind).items():
-        if _is_angle(option):
-            values[name] = min(math.degrees(values[name]), 180.0)  # float32 rounds
+        value = getattr(operator, name)
+        values[name] = min(math.degrees(value), 180.0) if _is_angle(option) else value  # float32 rounds
     return kind(**values)
 
 

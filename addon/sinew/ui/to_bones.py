@@ -68,7 +68,7 @@ class ToBonesSettings(available.Explains, OverFrames):
 
     def job(self: Any, context: bpy.types.Context) -> conversion.Settings:
         found = replace(option_properties.read(self, FoundOptions), **{} if self.source == "NEW" else {"bones": 0})
-        return conversion.Settings(self.frames(context.scene), **vars(found))
+        return conversion.Settings(**vars(found), frames=self.frames(context.scene))
 
 
 class BakeToBones(ToBonesSettings, bpy.types.Operator):
