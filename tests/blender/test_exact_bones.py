@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mathutils import Euler
 
+import rigify_characters
 from characters import drive, make_armature, make_mesh
 from exporting import enable_exporters, skip_without
 from helpers import addon_module, data_counts, diagonal, evaluated, needs_rig_programs, select
@@ -621,10 +622,7 @@ REQUIRED = {"Hips", "Spine", "Head"} | {
 
 
 def test_names_for_rigifys_human(fresh_scene):
-    bpy.ops.preferences.addon_enable(module="rigify")
-    bpy.ops.object.armature_human_metarig_add()
-    bpy.ops.pose.rigify_generate()
-    human = bpy.context.active_object
+    human = rigify_characters.character("armature_human_metarig_add")
     bpy.ops.object.mode_set(mode="OBJECT")
     parents = {}
     for engine in ("unreal", "unity"):

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from random import Random
 
-import addon_utils
 import bpy
 import numpy as np
 import pytest
@@ -18,6 +17,7 @@ from mathutils import Vector
 import edge_rigs
 import random_modifiers
 import random_rigs
+import rigify_characters
 from characters import make_armature
 from helpers import addon_module, evaluated, needs_memory
 
@@ -262,13 +262,12 @@ def test_a_difference_is_shrunk_to_what_makes_it():
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("metarig", TRIED)
 def test_rigify(fresh_scene, metarig):
-    check_rigify(rigify(metarig))
+    check_rigify(rigify_characters.character(metarig))
 
 
 @pytest.mark.parametrize("number", range(PART, SAMPLES, 3 * PARTS if IS_WINDOWS else PARTS))
 def test_samples_of_rigify(fresh_scene, number):
-    if addon_utils.enable("rigify", default_set=True) is None:
-        pytest.skip("this Blender has no Rigify")
+    rigify_characters.enable_rigify()
     rigs = importlib.import_module("rigify.rig_lists").rigs
     names = sorted(name for name in rigs if name != "skin.glue")  # which is glued to others
     assert len(names) == SAMPLES
@@ -283,8 +282,7 @@ def test_samples_of_rigify(fresh_scene, number):
         collection.assign(bone)
     collection.rigify_ui_row = 1
     bpy.ops.object.mode_set(mode="OBJECT")
-    bpy.ops.pose.rigify_generate()
-    check_rigify(bpy.context.object)
+    check_rigify(rigify_characters.generate())
 
 
 def check_rigify(ob):
@@ -301,14 +299,6 @@ def check_rigify(ob):
     read = reading().read(ob)
     recorded = checking().record_random_poses(ob, read, 3)
     assert checking().differences(checking().program_of(read), recorded) == []
-
-
-def rigify(metarig):
-    if addon_utils.enable("rigify", default_set=True) is None:
-        pytest.skip("this Blender has no Rigify")
-    getattr(bpy.ops.object, metarig)()
-    bpy.ops.pose.rigify_generate()
-    return bpy.context.object
 
 
 def test_a_key_that_changes_a_little_is_seen(armature):
@@ -1164,7 +1154,7 @@ def test_the_readmes_example_runs(sinew, fresh_scene, tmp_path, monkeypatch):
 
 def human_with_body():
     """A Rigify human that moves, and a mesh with weights of two bones for each vertex."""
-    ob = rigify(HUMAN)
+    ob = rigify_characters.character(HUMAN)
     ob.name = "rig"
     metarig = next(each for each in bpy.data.objects if each.type == "ARMATURE" and each != ob)
     bpy.data.objects.remove(metarig)
