@@ -779,6 +779,8 @@ def make_two(day, first, second, moment):
     for frame in (2, OTHER, OTHER + 1):
         day.frame(frame)
     wait(day.cast)
+    is_native = day.cast.rig.is_played
     day.frame(5)
+    assert day.cast.rig.is_played == is_native or day.handlers, day.cast.rig.reason
     day.pose()
     day.update()

@@ -197,6 +197,16 @@ def test_a_pose_by_hand_leaves_it_where_it_is(cast):
     cast.accelerate()
 
 
+def test_what_is_taken_over_elsewhere_stays_native(cast):
+    cast.accelerate()
+    cast.scene.frame_set(5)
+    addon_module("played.states").hand_back([cast.rig], cast.scene, layer())
+    cast.play([8])
+    cast.accelerate()
+    cast.play([9, 10])
+    assert cast.rig.is_played, cast.rig.reason
+
+
 @pytest.mark.parametrize("edit", ["location", "parent inverse", "scale", "rotation mode"])
 def test_what_it_carries_can_be_moved(cast, edit):
     cast.accelerate()

@@ -254,7 +254,7 @@ def _settle_played(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
         relations.tag()
         return False
     rig.noticed.is_selected = not _selected(layer).isdisjoint(rig.followers.keys | {rig.key})
-    rig.shown.frame, rig.shown.moment, rig.state = rigs.whole_frame(scene), pose, State.PLAYED
+    rig.shown, rig.state = rigs.Shown(rigs.whole_frame(scene), pose), State.PLAYED
     if rig.source.is_proven:
         rig.motion.record.clear()
     rig.noticed.animation, rig.noticed.asks_for_keys = rigs.animation_of(rig.ob), False
