@@ -18,6 +18,7 @@ FRAMES = {
     "description.curves": "the modifier Noise of the curve of Location {}",
     "description.driven_keys": 'the driver of Value of the shape key "Wide" of Key: {}',
     "description.driver_rows": 'the driver of Roll of the bone "hip": {}',
+    "description.other_data": "Body reads {}",
     "description.objects": "bones of Body follow Ball, outside of it, which may move: {}",
     "description.targets": 'the constraint "Body" of the bone "hip": {}',
     "host.relations": "the driver of Energy of Lamp reads it, and {}: rewrite it",
@@ -116,6 +117,8 @@ TABLE = {
         "{} is selected": NOTHING,
     },
     "played.leading": {
+        "{} reads {}": PART,
+        "{} reads {}, another scene, which has keyframes: let it read {}": sentence(RECORD),
         "{} reads {} of {}, which moves, in transform space: choose World Space": sentence(RECORD),
         "{} follows a bone of {} that is not there: choose another one": sentence(RECORD),
         "{} follows {}, which may move{}": sentence(RECORD),
@@ -157,7 +160,10 @@ TABLE = {
             BONE
         ),
         "the driver of {} of {} depends on more than its variables ({}): use these alone": sentence(DRIVER),
-        "the driver of {} of {} reads {}, which may change on each frame: let it read an object": sentence(DRIVER),
+        "the driver of {} of {} reads what is shown at the moment (Context Property): let it read the scene itself, as Single Property": sentence(
+            DRIVER
+        ),
+        "{} reads {}, which has keyframes and is not shown: let something use it that is": sentence(),
     },
     "description.constraints": {
         "the type {} is not covered": clause(BONE, RECORD),
@@ -187,7 +193,7 @@ TABLE = {
         "the driver of {} of {}: {}": PART,
     },
     "description.driver_rows": {
-        "{}: {}": PART,
+        "{}{}: {}": PART,
         "it reads {} of {}, which is no number": clause(BONE, DRIVER, RECORD),
         "the driver of {}: {}": PART,
         "it is invalid, and keyframes set the same: mend or delete it": clause(BONE, DRIVER, RECORD),
@@ -238,6 +244,15 @@ TABLE = {
         "the NLA strip {} has modifiers: remove them, or bake the strips into one action": sentence(RECORD),
         "the NLA strip {} has a setting whose curve has no keys: key it": sentence(RECORD),
         "curves of {}, which ends below other strips, have modifiers: remove them": sentence(RECORD),
+    },
+    "description.other_data": {
+        "{} of {}": PART,
+        "{}, which is the time: use the word frame in the expression": clause(),
+        "{}, after an edit of which Blender evaluates no bones: let it read a custom property": clause(),
+        "{}, which has a driver: bake it into keyframes": clause(DRIVER),
+        "{}, and {}": PART,
+        "{}, whose keyframes are not covered: remove them": clause(),
+        "{}, which follows from others: let it read what can be keyed": clause(),
     },
     "description.targets": {
         "it looks at the vertices {} of {}, which is not covered": clause(BONE, RECORD),
@@ -443,8 +458,9 @@ def offered(module, reason):
         return found + [button for end, button in OF_MESHES.items() if reason.endswith(end)]
     source = SimpleNamespace(refusal=reason if module in REFUSED else "", is_proven=False)
     ob = SimpleNamespace(
-        pose=SimpleNamespace(bones={"hip"}), animation_data=SimpleNamespace(action="action", nla_tracks=[])
+        pose=SimpleNamespace(bones={"hip"}), animation_data=SimpleNamespace(action="action", nla_tracks=[], drivers=[])
     )
+    ob.data = SimpleNamespace(animation_data=None)
     rig = SimpleNamespace(ob=ob, source=source, trust=SimpleNamespace(is_distrusted=False, difference=None))
     labels = {cls.bl_idname: cls.bl_label for cls in cures.CLASSES}
     return [text or labels[name] for name, text in cures.offered(reason, rig)]

@@ -403,6 +403,20 @@ def test_posing_by_hand_keeps_it_computed(cast, monkeypatch):
     assert built == []
 
 
+@pytest.mark.parametrize("edit", (move, edit_a_key, move_the_parent))
+def test_what_it_follows_is_edited_after_it_was_posed(cast, edit):
+    """On the same frame, while Blender does not see that bones follow it."""
+    cast.accelerate()
+    cast.play([3, 4])
+    pose(cast)
+    layer().update()
+    cast.assert_same()
+    edit(cast)
+    layer().update()
+    cast.assert_same()
+    cast.play([5, 4])
+
+
 def test_after_what_it_follows_was_hidden_it_is_not_posed_without_it(cast):
     """Blender may not evaluate what is hidden."""
     cast.accelerate()

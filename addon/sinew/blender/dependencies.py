@@ -6,8 +6,10 @@ from typing import Any
 
 import bpy
 
+from ..host import keyframes
 from . import animation, values
 
+LISTS = bpy.types.Collection, bpy.types.Scene  # which use all that is in them
 _LEFT_OUT = {"rna_type", "fcurves", "keyframe_points", "channels", "data", "points", "value"}
 
 
@@ -114,6 +116,20 @@ def outside_of(armature: Any) -> list[Any]:
         found.update(dict.fromkeys(each for each in read_by(curve) if isinstance(each, bpy.types.Object)))
     found.pop(armature, None)
     return list(found)
+
+
+def data_read_by(armature: Any) -> list[Any]:
+    """Returns the data-blocks that the drivers of an armature object read, but objects and its own data."""
+    read = (each for curve in drivers_of_both(armature) for each in read_by(curve))
+    return list(
+        dict.fromkeys(each for each in read if not isinstance(each, bpy.types.Object) and each != armature.data)
+    )
+
+
+def actions_of_lists(blocks: Iterable[Any]) -> list[Any]:
+    """Returns what keyframes.actions_of does of those of these data-blocks that are LISTS."""
+    own = (each for each in blocks if isinstance(each, LISTS) and hasattr(each, "animation_data"))
+    return [played for each in own for played in keyframes.actions_of(each)]
 
 
 def leaders_of(armature: Any) -> list[Any]:

@@ -8,7 +8,7 @@ import bpy
 
 from ..blender import animation, spoken_paths, values
 from ..host import driver_memory
-from . import curves, objects, rna_paths, strips, targets
+from . import curves, other_data, rna_paths, strips, targets
 
 VARIABLES = {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}
 # Of the rig: what a variable reads of the object itself is outside.
@@ -16,32 +16,46 @@ OF_RIG = ("pose.", '["', "data.")
 
 
 class Outside:
-    """Properties of other data-blocks that drivers read, by name, and objects of which keyframes set some."""
+    """Properties of other data-blocks that drivers read, by name, and data-blocks of which keyframes set some."""
 
     def __init__(self) -> None:
-        self.read: dict[str, tuple[bpy.types.ID, str]] = {}
-        self.keyed: dict[str, bpy.types.Object] = {}
-        self._animated: dict[int, objects.Animated] = {}
+        self.read: dict[str, tuple[bpy.types.ID, str]] = {}  # as drivers name them
+        self.owned: dict[str, other_data.Property] = {}  # these, and what is computed, by path
+        self.keyed: dict[str, other_data.Property] = {}  # what keyframes set, by where the description has it
+        self.through: dict[bpy.types.ID, None] = {}  # the data-blocks by which drivers name them, but no objects' own
+        self.computed: dict[str, tuple[bpy.types.ID, str]] = {}  # what drivers read of them, by path
+        self._animated: dict[int, other_data.Animated] = {}
 
     def row_of(self, block: bpy.types.ID, path: str, found: targets.Targets) -> dict[str, str]:
         """Returns what a variable says of a property that it reads. Raises Refused."""
-        if block == found.ob and found.moves and rna_paths.moves_object(rna_paths.normalised(path)):
-            return {"path": objects.path_of(found.ob, rna_paths.normalised(path))}
-        key = values.key_of(block)
+        owner, own = other_data.owned(block, path)
+        if owner == found.ob and found.moves and rna_paths.moves_object(own):
+            return {"path": other_data.path_of(found.ob, own)}
+        if owner == found.ob.data:
+            return {"path": f"data.{own}"}
+        if owner == found.ob and block != owner and own.startswith(OF_RIG):
+            return {"path": own}
+        key = values.key_of(owner)
         if key not in self._animated:
-            self._animated[key] = objects.Animated.of(block)
-        own = rna_paths.normalised(path)
-        if not isinstance(block, bpy.types.Object) or not self._animated[key].has(own):
-            return {"outside": self.name_of(block, path)}
-        if rna_paths.moves_object(own):
-            found.of(block, "")
-        else:
-            self.keyed[block.name_full] = block
-        return {"path": objects.path_of(block, own)}
+            self._animated[key] = other_data.Animated.of(owner)
+        described, animated = other_data.path_of(owner, own), self._animated[key]
+        self.owned[described] = other_data.Property(owner, own)
+        if animated.place and rna_paths.moves_object(own):
+            found.of(owner, "")
+            return {"path": described}
+        whole = animated.whole(own)
+        if not whole:
+            return {"outside": self.name_of(block, path, owner, own)}
+        self.keyed[other_data.path_of(owner, whole)] = other_data.Property(owner, whole)
+        self.computed[described] = (block, path)
+        if block != owner or not isinstance(owner, bpy.types.Object):
+            self.through[block] = None
+        return {"path": described}
 
-    def name_of(self, block: bpy.types.ID, path: str) -> str:
-        """Raises Refused for what is no number."""
-        name = f"{block.name_full}: {path}"
+    def name_of(self, block: bpy.types.ID, path: str, owner: bpy.types.ID, own: str) -> str:
+        """owner, own: of other_data.Property. Raises Refused for what is no number."""
+        kind = "" if isinstance(block, bpy.types.Object) else f"{block.id_type}/"
+        name = f"{kind}{block.name_full}: {path}"
         if name not in self.read:
             try:
                 value = block.path_resolve(path)
@@ -49,8 +63,13 @@ class Outside:
                 value = None
             if not isinstance(value, int | float):
                 raise curves.Refused(f"it reads {spoken_paths.spoken(path)} of {block.name}, which is no number")
-            self.read[name] = (block, path)
+            self.read[name], self.owned[name] = (block, path), other_data.Property(owner, own)
         return name
+
+    def of_data(self) -> list[tuple[str, other_data.Property]]:
+        """Returns what is read of other data-blocks than objects and is not computed, by name."""
+        own = ((name, self.owned[name]) for name in self.read)
+        return [each for each in own if not isinstance(each[1].block, bpy.types.Object)]
 
     def values(self, depsgraph: bpy.types.Depsgraph | None = None) -> dict[str, float]:
         """Returns their present values."""

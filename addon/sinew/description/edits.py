@@ -11,7 +11,7 @@ import numpy as np
 
 from ..blender import animation, dependencies, values
 from ..host import bone_memory, driver_memory, keyframes
-from . import bone_rows, curves, custom_properties, objects, reading, rna_paths, splines, strips, tables
+from . import bone_rows, curves, custom_properties, objects, other_data, reading, rna_paths, splines, strips, tables
 
 # Of a constraint, on each frame if they are animated, and by which names.
 _WRITTEN = ("influence",), rna_paths.SWITCHES
@@ -77,7 +77,7 @@ class Known:
         for curve in self.targets.splines.values():
             splines.check(curve)
         values = splines.values_of(self.targets, self.outside)
-        keyed = objects.properties_of(self.outside.keyed.values())
+        keyed = other_data.properties_of(self.outside.keyed.values())
         rows = objects.unkeyed_rows_of(own), keyed, splines.rows_of(self.targets), list(values)
         return json.dumps(rows, default=reading.as_list)
 

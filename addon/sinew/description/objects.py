@@ -2,14 +2,14 @@
 
 import contextlib
 from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import bpy
 
 from ..blender import animation, dependencies, spoken_paths
-from . import curves, custom_properties, rna_paths, tables
+from . import curves, rna_paths, tables
 
-_START = 'objects["'
+START = 'objects["'  # of paths in a description
 # In the order of a description; there is no delta of an axis and an angle.
 _CHANNELS = tuple(tables.CHANNELS)
 _DELTAS = ("delta_location", "delta_rotation_quaternion", "", "delta_rotation_euler", "delta_scale")
@@ -54,60 +54,14 @@ def unkeyed_rows_of(own: Iterable[bpy.types.Object]) -> Any:
     for ob, row in zip(own, rows):
         names = [(name, i) for name in (*_CHANNELS, *_DELTAS) for i in range(len(getattr(ob, name)) if name else 4)]
         for number, (name, index) in enumerate(names):
-            if (f"{_start_of(ob)}.{name}", index) in keyed_numbers:
+            if (f"{start_of(ob)}.{name}", index) in keyed_numbers:
                 row["values"][number] = None
     return rows, keyed
 
 
-class Animated(NamedTuple):
-    """What keyframes set of another object, if nothing else sets it: what is known of it on each frame."""
-
-    place: bool  # its channels
-    properties: frozenset[str]  # paths of custom ones
-
-    @classmethod
-    def of(cls, block: bpy.types.ID) -> "Animated":
-        if not isinstance(block, bpy.types.Object) or block.type == "ARMATURE" or why_not(block):
-            return cls(False, frozenset())
-        driven = {rna_paths.normalised(each.data_path) for each in animation.drivers_of(block)}
-        keyed = {rna_paths.normalised(each.data_path) for each in curves.curves_in_effect(block)}
-        return cls(may_move(block), frozenset(each for each in keyed - driven if _is_custom(each)))
-
-    def has(self, path: str) -> bool:
-        """Whether a property, or an element of one, is known."""
-        return self.place if rna_paths.moves_object(path) else path.startswith(tuple(self.properties))
-
-
-def is_of_other(path: str) -> bool:
-    """Whether a path in a description is of another object."""
-    return path.startswith(_START)
-
-
-def path_of(ob: bpy.types.Object, path: str) -> str:
-    """Returns where a description has a property of another object."""
-    return f"{_start_of(ob)}.{path}" if rna_paths.moves_object(path) else _start_of(ob) + path
-
-
-def properties_of(own: Iterable[bpy.types.Object]) -> list[tuple[dict[str, Any], list[dict[str, Any]]]]:
-    """Returns the rows of the custom properties of objects that keyframes set, with those of their curves."""
-    found = []
-    for ob in own:
-        effective = [each for each in curves.curves_in_effect(ob) if _is_custom(rna_paths.normalised(each.data_path))]
-        by_path: dict[str, list[dict[str, Any]]] = {}
-        for curve, row in zip(effective, curves.rows_of(effective)):
-            row["path"] = _start_of(ob) + rna_paths.normalised(row["path"])
-            by_path.setdefault(row["path"], []).append(curves.animated(row, curve))
-        rows = custom_properties.of_holder(ob, _start_of(ob))
-        found += [(row, by_path[row["path"]]) for row in rows if row["path"] in by_path]
-    return found
-
-
-def _is_custom(path: str) -> bool:
-    return path.startswith('["')
-
-
-def _start_of(ob: bpy.types.Object) -> str:
-    return f'{_START}{bpy.utils.escape_identifier(ob.name_full)}"]'
+def start_of(ob: bpy.types.Object) -> str:
+    """Returns what the paths of an object's numbers begin with in a description."""
+    return f'{START}{bpy.utils.escape_identifier(ob.name_full)}"]'
 
 
 def _keyed(ob: bpy.types.Object) -> list[dict[str, Any]]:
@@ -152,7 +106,7 @@ def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
             raise curves.Refused(
                 f"{spoken_paths.spoken(path)} of {ob.name} is keyed, which is not covered: remove those keyframes"
             )
-        row["path"] = f"{_start_of(ob)}.{path}"
+        row["path"] = f"{start_of(ob)}.{path}"
         yield curves.animated(row, curve)
 
 

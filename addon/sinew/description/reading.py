@@ -19,6 +19,7 @@ from . import (
     driven_keys,
     driver_rows,
     objects,
+    other_data,
     rna_paths,
     splines,
     strips,
@@ -132,7 +133,7 @@ def read(
         if not bone and target.name_full in found.moving:
             row = next(each for each in description["objects"] if each["name"] == target.name_full)
             row["basis" if read_as == targets.BASIS else "local"] = name
-    for property_row, its_curves in objects.properties_of(outside.keyed.values()):
+    for property_row, its_curves in other_data.properties_of(outside.keyed.values()):
         description["properties"].append(property_row)
         keyed_places += its_curves
     description["curves"] += keyed_places

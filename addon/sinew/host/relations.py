@@ -86,10 +86,10 @@ class Rebuilding:
             raise contract.distrust(features.MOVING, "the parents of objects are not where they were")
         self._change(place, bytes(size))
 
-    def without_read(self, curve: Any, blocks: Sequence[Any]) -> None:
-        """Has Blender see no variable of an original's driver that reads these original data-blocks. A copy of the
-        driver is as `read_again` leaves it. Raises contract.Broken."""
-        for variable in _reading(curve.driver, blocks):
+    def without_read(self, curve: Any, objects: Sequence[Any], named: Sequence[Any] = ()) -> None:
+        """Has Blender see no variable of an original's driver that reads these original objects, or a property by one
+        of the data-blocks in `named`. A copy of the driver is as `read_again` leaves it. Raises contract.Broken."""
+        for variable in _reading(curve.driver, objects, named):
             place, size = contract.region(variable, "DriverVar", "num_targets")
             if int.from_bytes(ctypes.string_at(place, size), "little") != len(variable.targets):
                 raise contract.distrust(features.FOLLOWING, "what drivers read is not where it was")
@@ -219,13 +219,19 @@ def hang_again(copy: Any, original: Any, graph: Any) -> None:
         ctypes.c_uint64.from_address(place).value = original.parent.evaluated_get(graph).as_pointer()
 
 
-def _reading(driver: Any, blocks: Sequence[Any]) -> list[Any]:
-    return [each for each in driver.variables if any(target.id in blocks for target in each.targets)]
+def _reading(driver: Any, objects: Sequence[Any], named: Sequence[Any]) -> list[Any]:
+    return [
+        each
+        for each in driver.variables
+        if any(target.id in objects for target in each.targets)
+        or each.type == "SINGLE_PROP"
+        and each.targets[0].id in named
+    ]
 
 
-def read_again(copy: Any, original: Any, blocks: Sequence[Any], graph: Any) -> None:
+def read_again(copy: Any, original: Any, objects: Sequence[Any], named: Sequence[Any], graph: Any) -> None:
     """Has a driver of an evaluated copy that was made inside a Rebuilding read again what the original's reads."""
-    read = {each.name for each in _reading(original.driver, blocks)}
+    read = {each.name for each in _reading(original.driver, objects, named)}
     for own, variable in zip(copy.driver.variables, original.driver.variables):
         if variable.name in read:
             place, size = contract.region(own, "DriverVar", "num_targets")

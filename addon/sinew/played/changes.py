@@ -122,9 +122,16 @@ def meet(rig: rigs.Rig, found: Followers, users: Any, graph: Any) -> None:
         follow = [keys for keys, _numbers in found.keyed]
         chain = dependencies.chain(rig.ob)
         shapes = {bone.custom_shape for each in chain for bone in each.pose.bones}
+        # What these have is compared, see rigs.known_data: they use all else.
+        lists = [
+            each for own in chain for each in dependencies.data_read_by(own) if isinstance(each, dependencies.LISTS)
+        ]
+        played = [each.action for each in dependencies.actions_of_lists(lists)]
         shapes -= {target for each in chain for target in dependencies.outside_of(each)}
         action = watch.own_action(rig.ob)
-        used = dependencies.used([rig.ob, *follow], users, shapes, chain)
+        used = dependencies.used(
+            [rig.ob, *follow, *played], users, {*shapes, *lists}, [*chain, *(each.data for each in chain)]
+        )
         rig.motion.watch = watch.Watch(rig.ob, used, action, found.keyed, graph, rigs.unseen_actions(rig, graph))
         rig.motion.keys = keys_of(action) if action is not None else None
         rig.motion.has_edited_keys = False

@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 from ..blender import animation, dependencies, spoken_paths
-from ..description import curves, driven_keys, edits, objects, reading, rna_paths, strips
+from ..description import curves, driven_keys, driver_rows, edits, other_data, reading, rna_paths, strips
 from ..host import evaluations, poses
 from ..native import sinew_native
 from . import changes, differences, families, followers, leading, rigs, settings, watch
@@ -56,7 +56,7 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     elif not (
         rigs.is_hidden(rig, graph)
         or unkeyed_path(rig, scene.frame_current_final, 0)
-        or followers.unkeyed(rig.ob, scene, 0)
+        or followers.unkeyed(rig.ob, scene, rig.source.data.owners, 0)
     ):
         differences.note(rig, differences.Difference.between(rig, copy, frame))
 
@@ -67,7 +67,7 @@ def unkeyed_path(rig: rigs.Rig, frame: float, rounding: float = animation.ROUNDI
     program = rig.source.program
     if program is None or not strips.play(rig.ob):
         return animation.unkeyed_path(rig.ob, frame, rounding)
-    names = sorted(name for name in set(program.keyed) - set(program.driven) if not objects.is_of_other(name))
+    names = sorted(name for name in set(program.keyed) - set(program.driven) if not other_data.is_of_other(name))
     try:
         keyed = program.values(np.array([frame], np.float32), names)[0].tolist()
         found = zip(names, keyed)
@@ -221,7 +221,14 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
         return False
     compared = set() if any(edit) else last.source.compared
     rig.source = replace(
-        last.source, program=program, leaders=leaders, is_proven=False, heads={}, compared=compared, is_compared=False
+        last.source,
+        program=program,
+        leaders=leaders,
+        data=_data_of(last.known.outside, last.known.from_outside()),
+        is_proven=False,
+        heads={},
+        compared=compared,
+        is_compared=False,
     )
     rig.motion.watch, rig.motion.keys, rig.motion.has_edited_keys = new, keys, False
     rig.motion.last = _Last(rig.source, last.known, keys, new)
@@ -272,14 +279,23 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         counts = tuple(len(numbers) for _keys, numbers in keyed)
         own, is_posable = settings.of(rig.ob, read.description)
         wanted = [*map(driven_keys.path_of, range(sum(counts))), *(setting.path for setting in own)]
-        wanted += _paths_of(place)
+        wanted += [*_paths_of(place), *read.outside.computed]
         moving = [each for each in read.targets.moving.values() if each != rig.ob]
         if moving:  # but not the parents of the armature's object alone
             followed = dependencies.with_parents(dependencies.outside_of(rig.ob))
             moving = [each for each in moving if each in followed]
-        moving += followers.moving(rig.ob, (*read.targets.splines.values(), *read.outside.keyed.values()))
+        keyed_objects = [each.block for each in read.outside.keyed.values() if isinstance(each.block, bpy.types.Object)]
+        moving += followers.moving(rig.ob, (*read.targets.splines.values(), *keyed_objects))
         source = Source(
-            program, program.places(wanted), counts, tuple(own), place, leaders, tuple(moving), is_posable=is_posable
+            program,
+            program.places(wanted),
+            counts,
+            tuple(own),
+            place,
+            leaders,
+            tuple(moving),
+            data=_data_of(read.outside, {row["name"]: row["value"] for row in read.description["values"]}),
+            is_posable=is_posable,
         )
     except ValueError as reason:
         return Source(refusal=_in_words(str(reason)))
@@ -287,8 +303,19 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
     return source
 
 
+def _data_of(outside: driver_rows.Outside, numbers: dict[str, Any]) -> rigs.Data:
+    """numbers: what comes from outside, by name."""
+    owners = [each.block for each in outside.owned.values()]
+    return rigs.Data(
+        tuple((*outside.read[name], numbers[name]) for name, _owned in outside.of_data()),
+        tuple(outside.computed.values()),
+        tuple(outside.through),
+        tuple(dict.fromkeys(each for each in owners if not isinstance(each, bpy.types.Object))),
+    )
+
+
 def _paths_of(place: families.Place) -> list[str]:
-    return [objects.path_of(ob, f"{path}[{index}]") for ob, channels in place for path, index in channels]
+    return [other_data.path_of(ob, f"{path}[{index}]") for ob, channels in place for path, index in channels]
 
 
 def _in_words(reason: str) -> str:
@@ -324,5 +351,7 @@ def _moments(own: Sequence[rigs.Rig], frame: float) -> list[rigs.Moment | None]:
         ends = list(itertools.accumulate(rig.source.counts, initial=0))
         values = tuple(tuple(numbers[a:b]) for a, b in itertools.pairwise(ends))
         first = ends[-1] + len(rig.source.settings)
-        found[rig.key] = rigs.Moment(record, values, tuple(numbers[ends[-1] : first]), tuple(numbers[first:]))
+        last = len(numbers) - len(rig.source.data.computed)
+        spans = (ends[-1], first), (first, last), (last, None)
+        found[rig.key] = rigs.Moment(record, values, *(tuple(numbers[start:end]) for start, end in spans))
     return [found.get(rig.key) for rig in own]

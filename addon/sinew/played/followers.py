@@ -313,10 +313,11 @@ def moving(rig: Any, outside: Iterable[Any]) -> list[Any]:
     return not_still((each for each in outside if each.type != "ARMATURE"), rig)
 
 
-def unkeyed(rig: Any, scene: Any, rounding: float = animation.ROUNDING) -> str:
+def unkeyed(rig: Any, scene: Any, others: Iterable[Any] = (), rounding: float = animation.ROUNDING) -> str:
     """Returns the name of what moves and is followed by an armature object, or of a parent of that, which is not where
-    its keyframes put it; "" if there is none. rounding: as for animation.is_near."""
-    followed, time = moved_by_keys(rig), scene.frame_current_final
+    its keyframes put it; "" if there is none. others: data-blocks that are looked at, too; rounding: as for
+    animation.is_near."""
+    followed, time = (*moved_by_keys(rig), *filter(is_alive, others)), scene.frame_current_final
     return next((each.name for each in followed if animation.unkeyed_path(each, time, rounding)), "")
 
 

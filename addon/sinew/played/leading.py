@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..blender import animation, dependencies, values
-from ..description import curves, driver_rows, objects, rna_paths, targets
+from ..description import curves, driver_rows, objects, other_data, rna_paths, targets
 from ..host import poses
 from . import followers, rigs
 
@@ -51,13 +51,18 @@ def leaders_of(
         return found[key]
 
     placed = [each for each in read.outside.values() if each[1] or _moves_otherwise(each[0], read)]
-    animated = {
-        block: tuple(map(rna_paths.normalised, animation.animated_paths(block)))
-        for block, _path in numbers.read.values()
-    }
-    read_numbers = [
-        (block, path) for block, path in numbers.read.values() if not _is_plain(block, path, animated[block])
-    ]
+    of_data = dict(numbers.of_data())
+    for owner, path in numbers.owned.values():
+        if isinstance(owner, bpy.types.Scene) and owner != graph.scene and owner.animation_data is not None:
+            raise curves.Refused(
+                f"{ob.name} reads {owner.name}, another scene, which has keyframes: let it read {graph.scene.name}"
+            )
+        why = "" if isinstance(owner, bpy.types.Object) else other_data.why_unknown(owner, path)
+        if why:
+            raise curves.Refused(f"{ob.name} reads {why}")
+    of_objects = [each for name, each in numbers.read.items() if name not in of_data]
+    animated = {block: tuple(map(rna_paths.normalised, animation.animated_paths(block))) for block, _path in of_objects}
+    read_numbers = [(block, path) for block, path in of_objects if not _is_plain(path, animated[block])]
     is_led = _are_led(dict.fromkeys(block for block, _what in (*placed, *read_numbers)), ob)
     for name, (block, bone) in read.outside.items():
         if bone and is_led[block] and read.read_as.get(name) == targets.BASIS:
@@ -72,7 +77,7 @@ def leaders_of(
             leader(block).bones[name] = Bone(number, read.read_as.get(name), read.along.get(name, 0), length)
     for name, (block, path) in numbers.read.items():
         path = rna_paths.normalised(path)
-        if is_led.get(block) and path.startswith(animated[block]):
+        if name not in of_data and is_led.get(block) and path.startswith(animated[block]):
             leader(block).numbers[name] = path
     return tuple(found.values())
 
@@ -83,36 +88,28 @@ def _moves_otherwise(ob: bpy.types.Object, read: targets.Targets) -> bool:
     return ob.name_full not in read.moving and (ob.type == "ARMATURE" or objects.may_move(ob))
 
 
-def _is_plain(block: Any, path: str, animated: tuple[str, ...]) -> bool:
-    """Whether what is read of a data-block is a custom property of an object that nothing animates. animated: paths."""
+def _is_plain(path: str, animated: tuple[str, ...]) -> bool:
+    """Whether what is read of an object is a custom property that nothing animates. animated: paths."""
     path = rna_paths.normalised(path)
-    return isinstance(block, bpy.types.Object) and path.startswith('["') and not path.startswith(animated)
+    return path.startswith('["') and not path.startswith(animated)
 
 
 def _are_led(blocks: Iterable[Any], ob: bpy.types.Object) -> dict[Any, bool]:
     """Returns whether what an armature object reads of each of these data-blocks moves with the bones of another
     armature. Raises ValueError."""
     blocks = list(blocks)
-    own = [each for each in blocks if isinstance(each, bpy.types.Object)]
-    moving = set(followers.not_still(own, None))
-    led = [each for each in own if each in moving and each.type == "ARMATURE"]
+    moving = set(followers.not_still(blocks, None))
+    led = [each for each in blocks if each in moving and each.type == "ARMATURE"]
     mutual = dependencies.reaching(led, dependencies.leaders_of, lambda each: each == ob)
-    found = {each: each in moving if isinstance(each, bpy.types.Object) else _may_change(each) for each in blocks}
+    found = {each: each in moving for each in blocks}
     for block in (each for each in blocks if found[each]):
         if block not in led:
-            why = objects.why_not(block) if isinstance(block, bpy.types.Object) else ""
+            why = objects.why_not(block)
             raise curves.Refused(f"{ob.name} follows {block.name}, which may move{why and ': ' + why}")
         followers.check_place(block)
         if block in mutual:
             raise curves.Refused(f"{ob.name} and {block.name} follow each other: have one of them alone follow")
     return found
-
-
-def _may_change(block: Any) -> bool:
-    """Whether time may change a data-block, no object, that nobody edits."""
-    data = getattr(block, "animation_data", None)
-    is_animated = data is not None and (data.action is not None or data.nla_tracks or data.drivers)
-    return bool(is_animated) or isinstance(block, bpy.types.Scene)
 
 
 def in_order(own: Iterable[rigs.Rig]) -> list[rigs.Rig]:

@@ -117,7 +117,8 @@ def _look(rig: rigs.Rig, graph: Any, frame: float, is_new_frame: bool) -> str:
     rig.motion.has_edited_keys |= rig.motion.watch is not None and rig.motion.watch.are_keys_tagged(graph)
     changes.compare_keys(rig, graph)
     have_keys_changed = rig.trust.is_posable and rig.at(frame) is None and not rig.source.is_proven
-    if have_keys_changed or rig.motion.watch is None or rig.motion.watch.is_tagged(graph, is_new_frame):
+    is_edited = rig.motion.watch is None or rig.motion.watch.is_tagged(graph, is_new_frame)
+    if have_keys_changed or is_edited or rigs.is_data_edited(rig, graph):
         return "" if states.pose(rig) else f"{rig.name} was edited"
     if rig.motion.tempo != changes.tempo_of(rig.home.scene):
         return f"{rig.home.scene.name} plays at another speed than when {rig.name} was recorded: press Record"
@@ -227,6 +228,8 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
     for rig in own:
         if rig.is_idle and not rig.is_played:
             states.note_posed(rig, graph)
+            if rig.noticed.unseen and not rigs.have(rig.noticed.data, graph):
+                reasons.setdefault(rig.key, f"{rig.name} was edited")
         if not rig.is_played or rig.key in reasons:
             continue
         if rig.motion.watch is None:
@@ -236,6 +239,9 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
                 reasons[rig.key] = f"{rig.name} was edited"
         elif rig.shown.frame != frame or not rigs.is_left_by(rig, graph):
             reasons[rig.key] = _moved_by_others(rig)
+        elif not rigs.have(rigs.known_data(rig), graph):
+            changes.drop_all(rig)
+            reasons[rig.key] = f"{rig.name} was edited"
         else:
             rig.motion.watch.note(graph)
     if reasons:

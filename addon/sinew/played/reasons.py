@@ -47,7 +47,7 @@ def _lose_rounding(rig: rigs.Rig, scene: Any) -> bool:
     """Has Blender evaluate keyframes again from which an armature, and what it follows, differ by rounding alone, as
     where a drag has moved a channel so little that auto-keying leaves it out. Returns whether there are any."""
     time = scene.frame_current_final
-    if computing.unkeyed_path(rig, time) or followers.unkeyed(rig.ob, scene):
+    if computing.unkeyed_path(rig, time) or followers.unkeyed(rig.ob, scene, rig.source.data.owners):
         return False
     found = [rig.ob] if computing.unkeyed_path(rig, time, 0) else []
     found += [each for each in followers.moved_by_keys(rig.ob) if animation.unkeyed_path(each, time, 0)]
@@ -83,10 +83,10 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
     _drop_what_is_wrong(rig, scene, layer)
     computing.prove(rig, own, users, scene, layer.depsgraph)
     if not (rig.source.is_proven and rig.trust.is_posable):
-        # Only those are recorded that have keyframes, and follow nothing that moves by itself.
+        # Only those are recorded that have keyframes, and follow nothing that moves by itself, nor other data.
         moving = followers.moving(rig.ob, dependencies.outside_of(rig.ob))
         follows = f"bones of {rig.name} follow {_names(moving)}, outside of it, which may move: " if moving else ""
-        if rig.trial.needs_program or moving or not rigs.has_animation(rig.ob):
+        if rig.trial.needs_program or moving or not rigs.can_be_recorded(rig.ob):
             return follows + why_not_computed(rig, scene)
         followers.check_place(rig.ob)
     unknown = own.reads.keys() - {each.path for each in rig.source.settings}
@@ -98,11 +98,34 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
         )
     if rig.ob.mode == "POSE" and not rig.trust.is_posable:
         return being_edited(rig.ob)
+    if (unused := _read_alone(rig, users, layer.depsgraph)) is not None:
+        return read_alone(rig, unused)
     reason = why_live(rig, scene, layer)
     if reason:
         return reason
     changes.meet(rig, own, users, layer.depsgraph)  # drops the record if other keys follow
     return why_live(rig, scene, layer)
+
+
+def _read_alone(rig: rigs.Rig, users: Any, graph: Any) -> Any:
+    """Returns a data-block with keyframes that a rig reads and that nothing else uses which is shown, so that Blender
+    would not evaluate it, or None."""
+    data = rig.source.data
+    keyed = [each for each in data.owners if data.through and rigs.has_animation(each)]
+    keyed = [each for each in keyed if not isinstance(each, dependencies.LISTS)]
+    if not keyed:
+        return None
+    shown = [ob for ob in bpy.data.objects if ob.evaluated_get(graph).is_evaluated]
+    armatures = [ob for ob in shown if ob.type == "ARMATURE"]
+    roots = [*(ob for ob in shown if ob not in armatures), *(ob.data for ob in armatures), graph.scene.world]
+    readers = [*armatures, *(ob.data for ob in armatures)]
+    used = set(dependencies.used((each for each in roots if each is not None), users, keyed, readers))
+    return next((each for each in keyed if each not in used), None)
+
+
+def read_alone(rig: rigs.Rig, block: Any) -> str:
+    """Returns a sentence for that."""
+    return f"{rig.name} reads {block.name}, which has keyframes and is not shown: let something use it that is"
 
 
 def why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:
@@ -146,7 +169,7 @@ def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
         return (
             f"{rig.name} itself has changes that are not keyed ({spoken}): key them, or change the frame to lose them"
         )
-    if followed := followers.unkeyed(rig.ob, scene):
+    if followed := followers.unkeyed(rig.ob, scene, rig.source.data.owners):
         return f"{followed}, which {rig.name} follows, has changes that are not keyed: key them"
     graph = rig.graph()
     if graph is not None and rigs.is_hidden(rig, graph):
@@ -261,13 +284,11 @@ def _check_driver(rig: Any, curve: Any) -> None:
                 f"the driver of {spoken_paths.spoken(curve.data_path)} of {rig.name} depends on more than its "
                 f"variables ({driver.expression}): use these alone"
             )
-    for variable in driver.variables:
-        for target in variable.targets:
-            if variable.type == "CONTEXT_PROP" or target.id is not None and not _may_be_read(rig, target.id):
-                raise NotPlayable(
-                    f"the driver of {spoken_paths.spoken(curve.data_path)} of {rig.name} reads "
-                    f"{getattr(target.id, 'name', 'the scene')}, which may change on each frame: let it read an object"
-                )
+    if any(variable.type == "CONTEXT_PROP" for variable in driver.variables):
+        raise NotPlayable(
+            f"the driver of {spoken_paths.spoken(curve.data_path)} of {rig.name} reads what is shown at the moment "
+            "(Context Property): let it read the scene itself, as Single Property"
+        )
 
 
 def _may_be_quiet(rig: Any, curve: Any) -> bool:
@@ -276,12 +297,6 @@ def _may_be_quiet(rig: Any, curve: Any) -> bool:
         return curve.id_data == rig and bool(relations.on_no_frame(curve.driver, -123456.789))
     except ValueError:
         return False
-
-
-def _may_be_read(rig: Any, block: Any) -> bool:
-    """Whether a driver of an armature may read a data-block: the armature itself, or an object, which `check` and the
-    groups of armatures look at."""
-    return block in (rig, rig.data) or isinstance(block, bpy.types.Object)
 
 
 def _names(objects: list[Any]) -> str:

@@ -33,6 +33,15 @@ class State(enum.Enum):
     SUSPECT = enum.auto()
 
 
+class Data(NamedTuple):
+    """What the drivers of an armature read of other data-blocks. It is compared after each evaluation."""
+
+    still: tuple[tuple[Any, str, float], ...] = ()  # data-block, path, and value: what only edits change, of no objects
+    computed: tuple[tuple[Any, str], ...] = ()  # what keyframes set, see Moment.data
+    through: tuple[Any, ...] = ()  # the data-blocks by which drivers name that
+    owners: tuple[Any, ...] = ()  # the data-blocks that have all this, no objects
+
+
 @dataclass
 class Source:
     """What the moments of one armature are computed from, see computing.py."""
@@ -45,6 +54,7 @@ class Source:
     place: tuple[tuple[Any, tuple[Channel, ...]], ...] = ()
     leaders: tuple[Any, ...] = ()  # what it follows of other armatures, leading.Leader
     moving: tuple[Any, ...] = ()  # the other objects that it computes, as it follows them, parents first
+    data: Data = Data()  # what its drivers read of other data-blocks
     is_proven: bool = False  # it has computed what Blender has
     is_posable: bool = False  # keyframes set nothing but what is written on each frame
     refusal: str = ""  # why there is no program
@@ -127,6 +137,7 @@ class Noticed:
     actions: list[Any] = field(default_factory=list)  # that Blender had evaluated when it was taken over
     asks_for_keys: bool = False  # one of these was edited so that Blender would evaluate keyframes on this frame
     unseen: list[Any] = field(default_factory=list)  # what it follows, if relations were built without some of it
+    data: tuple[tuple[Any, str, float], ...] = ()  # see known_data, when it was POSED
     hangs_unseen: bool = False  # relations were built without its parent, which moves
 
 
@@ -368,6 +379,7 @@ class Moment(NamedTuple):
     keys: tuple[tuple[float, ...], ...]  # the values of the keys that followers.keyed lists
     settings: tuple[float, ...] = ()  # the values of those that source.settings lists
     place: tuple[float, ...] = ()  # the numbers that source.place lists
+    data: tuple[float, ...] = ()  # those that source.data.computed lists
 
     @property
     def nbytes(self) -> int:
@@ -394,6 +406,39 @@ def keyed(rig: Rig, graph: Any) -> list[tuple[Any, tuple[int, ...]]]:
 def shows(rig: Rig, graph: Any, moment: Any) -> bool:
     """Whether the evaluated bones, the keys that follow them and the armature's place are exactly as recorded."""
     return moment is not None and is_placed(rig, graph, moment) and _show(graph, [(rig, moment)])[0]
+
+
+def known_data(rig: Rig) -> tuple[tuple[Any, str, float], ...]:
+    """Returns what an armature's last moment was computed with of other data-blocks: each with path and value."""
+    data, moment = rig.source.data, rig.shown.moment
+    computed = zip(data.computed, moment.data if moment is not None else ())
+    return (*data.still, *((block, path, value) for (block, path), value in computed))
+
+
+def have(known: Iterable[tuple[Any, str, float]], graph: Any) -> bool:
+    """Whether data-blocks have, as evaluated, these values. known: as known_data returns it."""
+    return all(_has(block, path, value, graph) for block, path, value in known)
+
+
+def is_data_edited(rig: Rig, graph: Any) -> bool:
+    """Whether Blender is about to evaluate something else of these data-blocks. Keyframes of theirs set none of it."""
+    return any(
+        not is_alive(block) or _is_tagged(block, graph) and not _has(block, path, value, None)
+        for block, path, value in rig.source.data.still
+    )
+
+
+def _is_tagged(block: Any, graph: Any) -> bool:
+    return evaluations.is_tagged(block.evaluated_get(graph))
+
+
+def _has(block: Any, path: str, value: float, graph: Any) -> bool:
+    """Whether a data-block has this value. graph: None for the original."""
+    try:
+        own = (block if graph is None else block.evaluated_get(graph)).path_resolve(path)
+        return bool(np.float32(own) == np.float32(value))
+    except (ReferenceError, ValueError, TypeError):  # it is gone
+        return False
 
 
 def is_placed(rig: Rig, graph: Any, moment: Moment) -> bool:
@@ -518,6 +563,12 @@ def has_animation(ob: Any) -> bool:
     return data is not None and (data.action is not None or len(data.nla_tracks) > 0)
 
 
+def can_be_recorded(ob: Any) -> bool:
+    """Whether poses of an armature object with keyframes may be recorded: what its drivers read of other data-blocks
+    than objects would be known only if they were computed."""
+    return has_animation(ob) and not dependencies.data_read_by(ob)
+
+
 def moves(ob: Any) -> bool:
     """Whether an armature object has keyframes, or what it follows has."""
     return bool(moving([ob]))
@@ -526,9 +577,15 @@ def moves(ob: Any) -> bool:
 def moving(armatures: Sequence[Any]) -> list[Any]:
     """Returns those of these armature objects that have keyframes, or follow what has."""
     found = {ob for ob in armatures if has_animation(ob) or (rig := get(ob)) is not None and rig.is_idle}
+    found |= {ob for ob in armatures if ob not in found and _reads_what_is_animated(ob)}
     others = [ob for ob in armatures if ob not in found]
     found |= dependencies.reaching(others, dependencies.leaders_of, has_animation)
     return [ob for ob in armatures if ob in found or followers.moving(ob, dependencies.outside_of(ob))]
+
+
+def _reads_what_is_animated(ob: Any) -> bool:
+    read = dependencies.data_read_by(ob)
+    return any(has_animation(each) or has_animation(getattr(each, "node_tree", None)) for each in read)
 
 
 def follows_only_objects(rig: Rig) -> bool:

@@ -211,8 +211,9 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
                     rebuilding.without_parent(rig.ob)
                 for constraint, targets in followers.constraints_on(rig.ob, rig.source.moving):
                     rebuilding.without_targets(constraint, targets)
-                for curve in followers.reading(rig.ob, rig.source.moving):
-                    rebuilding.without_read(curve, rig.source.moving)
+                through = rig.source.data.through
+                for curve in followers.reading(rig.ob, (*rig.source.moving, *through)):
+                    rebuilding.without_read(curve, rig.source.moving, through)
             for ob in hooked.values():
                 rebuilding.on_each_frame(followers.hook_of(ob), f"{wiring.CALLS} + 0 * frame")
             for curve in driven:
@@ -226,14 +227,19 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
         for constraint, targets in followers.constraints_on(rig.ob, rig.source.moving):
             copy = rig.ob.evaluated_get(graph).path_resolve(constraint.path_from_id())
             relations.follow_again(copy, constraint, targets, graph)
-        for curve in followers.reading(rig.ob, rig.source.moving):
+        data = rig.source.data
+        for curve in followers.reading(rig.ob, (*rig.source.moving, *data.through)):
             copy = animation.find_driver(curve.id_data.evaluated_get(graph), curve.data_path, curve.array_index)
             if copy is not None:
-                relations.read_again(copy, curve, rig.source.moving, graph)
+                relations.read_again(copy, curve, rig.source.moving, data.through, graph)
         rig.noticed.hangs_unseen = rig.source.hangs
         followed = dependencies.with_parents(dependencies.outside_of(rig.ob)) if rig.source.moving else ()
         parents = [ob for ob, _channels in rig.source.place] if rig.source.hangs else ()
+        # A scene changes with each selection. What is read of it is compared.
+        others = [each for each in (*data.through, *data.owners) if not isinstance(each, dependencies.LISTS)]
+        others += [each.action for each in dependencies.actions_of_lists(data.owners)]
         rig.noticed.unseen = [each for each in (*followed, *parents) if each != rig.ob]
+        rig.noticed.unseen += others if data.through else []
     for original in [*map(followers.hook_of, hooked.values()), *driven]:
         copy = original.id_data.evaluated_get(graph).animation_data
         found = copy and copy.drivers.find(original.data_path, index=original.array_index)
@@ -247,6 +253,10 @@ def _settle_played(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
     graph, pose = layer.depsgraph, rigs.now(rig, scene)
     # Otherwise a handler has changed the frame, or relations.
     can_play = pose is not None and rigs.is_without_keys(rig, graph)
+    data = rig.source.data
+    unseen = [each for each in (*data.through, *data.owners) if not each.evaluated_get(graph).is_evaluated]
+    if data.through and unseen:
+        can_play, rig.reason = False, reasons.read_alone(rig, unseen[0])
     # Without a parent that moves, Blender has put it elsewhere.
     is_shown = can_play and not rig.noticed.hangs_unseen and rigs.shows(rig, graph, pose)
     if not can_play or not is_shown and rig.followers.is_simulated:  # what is simulated would have to be tagged
@@ -276,23 +286,24 @@ def pose(rig: rigs.Rig) -> bool:
     """Lets Blender evaluate the bones of a played armature that was edited, from a handler. Returns whether it may: not
     if the edit moves what it follows, such as a curve that its own bones bend, while Blender does not see all of
     that."""
+    known = rigs.known_data(rig)
     changes.drop_all(rig)
-    graph = rig.graph()
-    if not rig.trust.is_posable or is_moved_unseen(rig, graph):
+    if not rig.trust.is_posable or is_moved_unseen(rig, rig.graph()):
         return False
-    if any(each in rig.followers.shaped or watch.may_have_moved(each, graph) for each in rig.noticed.unseen):
+    if any(each in rig.followers.shaped for each in rig.noticed.unseen):
         return False
+    rig.noticed.data = known
     rig.state, rig.shown.moment, rig.trust.posed_on = State.POSED, None, None
     return True
 
 
 def is_moved_unseen(rig: rigs.Rig, graph: Any) -> bool:
-    """Whether an edit moves an armature whose parent Blender does not see, or that parent: it would be elsewhere."""
-    if not rig.noticed.hangs_unseen:
-        return False
+    """Whether an edit moves what Blender does not see that the bones follow, or an armature whose parent it does not
+    see, which would be elsewhere."""
     copy = rigs.evaluated_copy(rig, graph)
-    is_tagged = copy is None or evaluations.is_transform_tagged(copy)
-    return is_tagged or any(watch.may_have_moved(each, graph) for each in rig.noticed.unseen)
+    if rig.noticed.hangs_unseen and (copy is None or evaluations.is_transform_tagged(copy)):
+        return True
+    return any(watch.may_have_moved(each, graph) for each in rig.noticed.unseen)
 
 
 def note_posed(rig: rigs.Rig, graph: Any) -> None:

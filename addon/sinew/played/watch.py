@@ -185,13 +185,16 @@ def _mark(block: Any, graph: Any) -> None:
         marks.mark_copy(copy)
 
 
-def may_have_moved(ob: Any, graph: Any) -> bool:
-    """Whether somebody may have moved an object that is watched, or has hidden it, so that Blender may not evaluate
-    it."""
-    if not is_alive(ob) or not ob.visible_get(view_layer=graph.view_layer):
+def may_have_moved(block: Any, graph: Any) -> bool:
+    """Whether somebody may have moved an object, or edited another data-block, that is watched, or has hidden it, so
+    that Blender may not evaluate it."""
+    if not is_alive(block):
         return True
-    action = ob.animation_data.action if ob.animation_data is not None else None
-    copies_of = [each.evaluated_get(graph) for each in (ob, action) if each is not None]
+    if isinstance(block, bpy.types.Object) and not block.visible_get(view_layer=graph.view_layer):
+        return True
+    data = getattr(block, "animation_data", None)  # an action has none
+    action = data.action if data is not None else None
+    copies_of = [each.evaluated_get(graph) for each in (block, action) if each is not None]
     return not all(
         each.is_evaluated and marks.is_marked_copy(each) and not evaluations.is_tagged(each) for each in copies_of
     )

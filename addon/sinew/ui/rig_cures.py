@@ -42,7 +42,7 @@ def offered(reason: str, rig: rigs.Rig) -> Iterator[tuple[str, str]]:
         yield ShowDriver.bl_idname, ""
     if reason and rig.trust.is_distrusted:
         yield AccelerateAgain.bl_idname, ""
-    if reason and (rig.source.refusal or rig.source.is_proven) and rigs.has_animation(rig.ob):
+    if reason and (rig.source.refusal or rig.source.is_proven) and rigs.can_be_recorded(rig.ob):
         yield "object.sinew_record", "Record Instead"
     if rig.trust.difference is not None:
         yield ReportRig.bl_idname, ""
