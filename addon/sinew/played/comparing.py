@@ -35,6 +35,11 @@ def lacking(frames: range, compared: set[int]) -> Iterator[int]:
             yield frame
 
 
+def _is_known(block: bpy.types.ID) -> bool:
+    """Whether keyframes of a data-block say where it is, and nothing else does."""
+    return isinstance(block, bpy.types.Object) and not objects.why_not(block)
+
+
 def compare(rig: rigs.Rig, scene: bpy.types.Scene, most_frames: int | None = MOST_FRAMES) -> bool:
     """Compares a program that was proven on the scene's frame with Blender on others, to the bit. If any differs, there
     is no program. Nothing is compared while the armature, or what it follows, has been edited without a key, and no
@@ -53,7 +58,8 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene, most_frames: int | None = MOS
     if used is None:
         return False
     source.compared.add(scene.frame_current)
-    if not all(isinstance(each, bpy.types.Object) and (each in chain or not objects.why_not(each)) for each in used):
+    paths = {each.data for each in source.moving if each.type == "CURVE"}
+    if not all(each in paths or each in chain or _is_known(each) for each in used):
         return False
     frames = range(scene.frame_start, scene.frame_end + 1)
     source.is_compared = next(lacking(frames, source.compared), None) is None
