@@ -34,6 +34,7 @@ CHOICES = {
     "mode of MAINTAIN_VOLUME": "STRICT UNIFORM SINGLE_AXIS".split(),
     "track_axis": [f"TRACK_{axis.replace('-', 'NEGATIVE_')}" for axis in AXES],
     "lock_axis": "LOCK_X LOCK_Y LOCK_Z".split(),
+    "forward_axis": [f"TRACK_{axis}".replace("-", "NEGATIVE_") if "-" in axis else f"FORWARD_{axis}" for axis in AXES],
     "up_axis": "UP_X UP_Y UP_Z".split(),
     "volume": "VOLUME_XZX VOLUME_X VOLUME_Z NO_VOLUME".split(),
     "keep_axis": "PLANE_X SWING_Y PLANE_Z".split(),

@@ -265,7 +265,7 @@ KINDS += [constrained_by_action, own_keyframes, strips, drivers, driven_keys, ai
 TYPES = [item.identifier for item in bpy.types.Constraint.bl_rna.properties["type"].enum_items]
 KINDS += [of_type(kind) for kind in TYPES if kind not in {"ARMATURE", "ACTION", "SHRINKWRAP", "CLAMP_TO"}]
 # Blender evaluates them on each frame by themselves, or may, so they cannot be played.
-TIMED = {"modified_meshes", "nodes", "transform_cache", "follow_track", "camera_solver", "object_solver", "follow_path"}
+TIMED = {"modified_meshes", "nodes", "transform_cache", "follow_track", "camera_solver", "object_solver"}
 
 
 # --- flipping -------------------------------------------------------------------------------------

@@ -226,8 +226,13 @@ TABLE = {
     "description.splines": {
         "the curve {}": PART,
         "{} is in Edit Mode: leave it": sentence(RECORD),
-        "{} does not begin with a Bezier or poly spline: convert its first one to Bezier": sentence(RECORD),
-        "{} is closed, has one point alone or is not 3D, which is not covered": sentence(RECORD),
+        "{} is empty: give it a spline": sentence(RECORD),
+        "{} begins with NURBS that are closed with endpoints or of the kind Bezier but not both, or that have fewer points "
+        "than their order, which is not covered: convert them to Bezier": sentence(RECORD),
+        "{} has one point alone or is not 3D, which is not covered": sentence(RECORD),
+        "{} is closed, which is not covered for Spline IK: open it": sentence(RECORD),
+        "{} has the twist Tangent, or smooths it: choose Minimum, and 0 for Smooth": sentence(RECORD),
+        "{} has shape keys with different tilts, which is not covered": sentence(RECORD),
         "{} has splines of several resolutions, or a bevel by segment or length": sentence(RECORD),
         "{} has absolute shape keys, one that is shown alone, or one with a vertex group": sentence(RECORD),
         "{} of {} is keyed, which is not covered": sentence(RECORD),

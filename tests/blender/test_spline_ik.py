@@ -122,7 +122,7 @@ def tentacle(seed, kind="BEZIER", count=5, **settings):
 
 @pytest.mark.parametrize("length", LENGTHS)
 @pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("kind", ["BEZIER", "POLY"])
+@pytest.mark.parametrize("kind", ["BEZIER", "POLY", "NURBS"])
 def test_bits(fresh_scene, length, width, kind):
     seed = f"{length} {width} {kind}"
     armature, curve, constraint = tentacle(seed, kind, y_scale_mode=length, xz_scale_mode=width)
@@ -153,7 +153,7 @@ def test_random_settings(fresh_scene, number):
         "bulge_smooth": random.random(),
         "influence": random.choice((1, 1, random.random())),
     }
-    kind, count = random.choice(("BEZIER", "BEZIER", "POLY")), random.choice((1, 2, 5, 9))
+    kind, count = random.choice(("BEZIER", "BEZIER", "POLY", "NURBS")), random.choice((1, 2, 5, 9))
     armature, curve, constraint = tentacle(f"rig {number}", kind, count, **settings)
     if random.random() < 0.3:
         for frame, influence in ((0, 0), (10, 0.4), (30, 1)):
@@ -207,7 +207,7 @@ def test_a_curve_without_hooks_stays_as_it_is(fresh_scene):
     [
         (lambda curve: setattr(curve.data.splines[0], "use_cyclic_u", True), "closed"),
         (lambda curve: setattr(curve.data, "dimensions", "2D"), "not 3D"),
-        (lambda curve: setattr(curve.data.splines[0], "type", "NURBS"), "Bezier or poly"),
+        (lambda curve: curve.data.splines.clear(), "is empty"),
         (lambda curve: setattr(curve.data.splines.new("POLY"), "resolution_u", 3), "several resolutions"),
         (lambda curve: setattr(curve.data, "bevel_factor_mapping_start", "SEGMENTS"), "bevel by segment"),
         (lambda curve: setattr(curve.data, "bevel_factor_mapping_end", "SPLINE"), "bevel by segment"),

@@ -94,7 +94,9 @@ class Maker {
     made.name = "s";
     made.matrix = place(rig.matrices.size() + 1) - 1;
     const std::uint8_t flags = byte();
-    made.is_poly = flags & 1;
+    made.type = static_cast<SplineType>(byte() % 3);
+    made.order = raw_ ? bytes_.take<std::int8_t>() : 2 + byte() % 3;
+    made.reaches_ends = flags & 1;
     made.resolution = raw_ ? bytes_.take<std::int8_t>() : 1 + byte() % 16;
     made.radius_interpolation = static_cast<RadiusInterpolation>(byte() % 4);
     made.points.resize(byte() % 5);
@@ -115,6 +117,12 @@ class Maker {
     }
     if (flags & 4) made.keys.push_back({"[\"p\"]", place(2) - 1, std::vector<std::array<float, 10>>(count)});
     made.has_keys = flags & 8;
+    made.is_closed = flags & 16;
+    if (flags & 32) made.time = "[\"p\"]";
+    if (flags & 64) made.tilts.assign(made.points.size(), number());
+    made.tilt_interpolation = made.radius_interpolation;
+    made.twist = static_cast<SplineTwist>(flags >> 7);
+    made.duration = raw_ ? bytes_.take<std::int8_t>() : 1 + byte();
     rig.splines.push_back(made);
   }
 
@@ -127,11 +135,15 @@ class Maker {
     return target;
   }
 
+  static bool follows_spline(ConstraintType type) {
+    return type == ConstraintType::spline_ik || type == ConstraintType::follow_path;
+  }
+
   int target_count(ConstraintType type) {
     if (type == ConstraintType::armature || raw_) return byte() % 3;
     if (type == ConstraintType::ik) return 2;
     const bool is_limit = constraint_name(type).starts_with("LIMIT") && type != ConstraintType::limit_distance;
-    return is_limit || type == ConstraintType::maintain_volume || type == ConstraintType::spline_ik ? 0 : 1;
+    return is_limit || type == ConstraintType::maintain_volume || follows_spline(type) ? 0 : 1;
   }
 
   void constraint(RigDescription& rig, int bone) {
@@ -142,9 +154,9 @@ class Maker {
     for (int i = byte() % 8; i > 0; --i) made.settings[byte() % made.settings.size()] = number();
     if (made.type == ConstraintType::action && byte() & 1) made.action.push_back({place(kPoseBend), curve()});
     made.space = target(rig);
-    if (made.type == ConstraintType::spline_ik) {
+    if (follows_spline(made.type)) {
       made.spline = place(rig.splines.size() + 1) - 1;
-      for (int i = byte() % 4; i > 0; --i) made.joints.push_back(number());
+      for (int i = made.type == ConstraintType::spline_ik ? byte() % 4 : 0; i > 0; --i) made.joints.push_back(number());
     }
   }
 

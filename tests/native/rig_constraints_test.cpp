@@ -295,6 +295,45 @@ TEST_F(RigConstraint, StaysAboveAFloor) {
   expect(owner().location(), {1, 2, 3});
 }
 
+TEST_F(RigConstraint, FollowsAPath) {
+  put(1, {-1, -2, -3}, {0, 0, 0}, {1, 1, 1});  // to the origin
+  rig_.matrices.push_back({"Rail", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 0, 0, 1}});
+  rig_.properties.push_back({"radii", 3, ValueKind::real, 0, 10, {1, 3, 3}});
+  rig_.properties.push_back({"time", 1, ValueKind::real, -1e6F, 1e6F, {25}});
+  SplineDescription spline;
+  spline.name = "Rail";
+  spline.matrix = 0;
+  spline.type = SplineType::poly;
+  spline.radii = "radii";
+  spline.time = "time";
+  spline.points = {{0, 0, 0, 0, 0, 0, 0, 0, 0}, {4, 0, 0, 4, 0, 0, 4, 0, 0}, {4, 4, 0, 4, 4, 0, 4, 4, 0}};
+  spline.handles.resize(3);
+  rig_.splines.push_back(spline);
+  ConstraintDescription& follow = add(ConstraintType::follow_path, false);
+  expect(owner().location(), {0, 0, 0});  // without a curve
+  follow.spline = 0;
+  expect(owner().location(), {7, 0, 0});
+  set(follow, "offset", -25);
+  expect(owner().location(), {9, 0, 0});
+  set(follow, "offset", -200);  // not beyond the end
+  expect(owner().location(), {9, 4, 0});
+  set(follow, "use_fixed_location", 1);
+  set(follow, "offset_factor", 0.75F);
+  expect(owner().location(), {9, 2, 0});
+  set(follow, "use_curve_follow", 1);
+  set(follow, "forward_axis", 1);
+  set(follow, "up_axis", 2);
+  set(follow, "offset_factor", 0);
+  expect(owner().axis(0), {0, -1, 0});
+  set(follow, "offset_factor", 0.25F);
+  set(follow, "use_curve_radius", 1);
+  EXPECT_NEAR(rig::sizes_of(owner())[2], 2, 1e-6F);
+  rig_.splines[0].is_closed = true;
+  set(follow, "use_fixed_location", 0);
+  set(follow, "offset", 25 + 100);  // once around
+  expect(owner().location(), {5, 0, 0});
+}
+
 TEST_F(RigConstraint, TurnsAboutAPivot) {
   move_target({1, 2, 0});
   put(1, {0, 0, 0}, {kQuarterTurn, 0, 0}, {1, 1, 1});

@@ -384,7 +384,7 @@ RigDescription along_a_spline() {
   SplineDescription spline;
   spline.name = "Rail";
   spline.matrix = 0;
-  spline.is_poly = true;
+  spline.type = SplineType::poly;
   spline.radii = "radii";
   spline.points = {{0, 0, 0, 0, 0, 0, 0, 0, 0}, {4, 0, 0, 4, 0, 0, 4, 0, 0}};
   spline.handles.resize(2);
@@ -492,6 +492,19 @@ TEST(RigProgram, SplinesThatAreNotWholeAreRefused) {
             "spline \"Rail\" has a key with the value none, which is no property of one number");
   EXPECT_EQ(failure([](Rig& rig, Spline&) { rig.constraints[0].spline = 1; }),
             "SPLINE_IK \"SPLINE_IK 0\" of bone \"tip\" follows spline 1; the rig has 1");
+  EXPECT_EQ(failure([](Rig& rig, Spline&) {
+              rig.constraints.clear();
+              add_constraint(rig, ConstraintType::follow_path, 1).spline = 1;
+            }),
+            "FOLLOW_PATH \"FOLLOW_PATH 0\" of bone \"tip\" follows spline 1; the rig has 1");
+  EXPECT_EQ(
+      failure([](Rig&, Spline& spline) { spline.is_closed = true; }),
+      "SPLINE_IK \"SPLINE_IK 0\" of bone \"tip\" follows the closed spline \"Rail\", which is not computed; open it");
+  EXPECT_EQ(failure([](Rig&, Spline& spline) { spline.tilts = {1}; }), "spline \"Rail\" has 2 points and 1 tilt");
+  EXPECT_EQ(failure([](Rig&, Spline& spline) { spline.time = "radii"; }),
+            "spline \"Rail\" has as its time radii, which is no property of one number");
+  EXPECT_EQ(failure([](Rig&, Spline& spline) { spline.duration = 0; }),
+            "spline \"Rail\" has the duration 0; expected 1 or more");
   EXPECT_EQ(failure([](Rig& rig, Spline&) {
               rig.constraints[0].joints = {1, 0.5F};
             }),
@@ -608,10 +621,19 @@ TEST(RigProgram, EvaluatingAllKindsOfPartsTakesNoMemory) {
   rig.bones[count].maps_curved = true;
   const RigDescription chain = along_a_spline();
   rig.splines = chain.splines;
-  rig.splines[0].is_poly = false;
+  rig.splines[0].type = SplineType::bezier;
   rig.splines[0].hooks[0].target.index = 0;
   rig.matrices = chain.matrices;
   rig.properties = chain.properties;
+  for (const char* twist : {"least", "up"}) {
+    rig.splines.push_back(rig.splines[0]);
+    rig.splines.back().twist = twist[0] == 'l' ? SplineTwist::minimum : SplineTwist::z_up;
+    rig.splines.back().is_closed = twist[0] == 'l';
+    const int follower = add_bone(rig, twist, -1, {0, 0, 0});
+    ConstraintDescription& follow = add_constraint(rig, ConstraintType::follow_path, follower);
+    follow.spline = static_cast<int>(rig.splines.size()) - 1;
+    set(follow, "use_curve_follow", 1);
+  }
   const int end = add_bone(rig, "end", add_bone(rig, "middle", -1, {0, 5, 0}), {0, 6, 0});
   ConstraintDescription follows = chain.constraints[0];
   follows.bone = end;

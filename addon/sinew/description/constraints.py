@@ -102,9 +102,12 @@ def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: target
             raise curves.Refused("bones of another armature are not covered here")
         row["weights"] = [weight for _target, _bone_name, weight in read]
     elif kind == "SPLINE_IK":
-        splines.check(curve := constraint.target)
-        found.splines.setdefault(curve.name_full, curve)
-        row |= {"spline": curve.name_full, "joints": [*constraint.joint_bindings]}
+        splines.check(constraint.target, [kind])
+        row |= {"spline": found.spline(constraint.target, kind), "joints": [*constraint.joint_bindings]}
+    elif kind == "FOLLOW_PATH":
+        if splines.is_curve(constraint.target):
+            splines.check(constraint.target, [kind])
+            row["spline"] = found.spline(constraint.target, kind)
     elif hasattr(constraint, "target"):
         bone_name, space = getattr(constraint, "subtarget", ""), _SPACES.get(settings["target_space"])
         along = _along(constraint, bone_name, found) if "head_tail" in settings else 0

@@ -74,11 +74,12 @@ class Known:
         """Returns the places and the keyframes of other objects that are computed, too, and splines, as text."""
         itself = [(self.targets.ob, "")] if self.targets.moves else []
         own = objects.moving([*self.targets.outside.values(), *itself])
-        for curve in self.targets.splines.values():
-            splines.check(curve)
+        for name, curve in self.targets.splines.items():
+            splines.check(curve, self.targets.along_splines[name])
         values = splines.values_of(self.targets, self.outside)
         keyed = other_data.properties_of(self.outside.keyed.values())
-        rows = objects.unkeyed_rows_of(own), keyed, splines.rows_of(self.targets), list(values)
+        paths = splines.rows_of(self.targets), splines.curves_of(self.targets)
+        rows = objects.unkeyed_rows_of(own), keyed, paths, list(values)
         return json.dumps(rows, default=reading.as_list)
 
     def _read_switches(self, ob: bpy.types.Object) -> Iterator[tuple[Any, ...]]:

@@ -125,6 +125,7 @@ def read(
     for property_row, rows in splines.values_of(found, outside):
         description["properties"].append(property_row)
         description["drivers"] += rows
+    description["curves"] += splines.curves_of(found)
     own = objects.moving([*found.outside.values(), *([(ob, "")] if found.moves else [])])
     found.moving = {each.name_full: each for each in own}
     description["objects"], keyed_places = objects.rows_of(own)

@@ -30,7 +30,8 @@ class Targets:
         self.read_as: dict[str, ReadAs] = {}  # those of them that are not read as world matrices
         self.along: dict[str, float] = {}  # bones of which another place than the head is read: 1 is the tail
         self.moving: dict[str, bpy.types.Object] = {}  # those whose matrices the program computes, and their parents
-        self.splines: dict[str, bpy.types.Object] = {}  # curves that Spline IK follows
+        self.splines: dict[str, bpy.types.Object] = {}  # curves that Spline IK and Follow Path follow
+        self.along_splines: dict[str, set[str]] = {}  # the types of the constraints that do
         self.without_row: set[str] = set()  # paths of constraints that do nothing, whatever is animated of them
         self.refused: list[str] = []
         self._actions: dict[tuple[str, int], dict[str, list[Channel]]] = {}
@@ -64,6 +65,12 @@ class Targets:
             self.read_as[name] = read_as
         self.outside.setdefault(name, (target, bone))
         return {"outside": name}
+
+    def spline(self, curve: bpy.types.Object, kind: str) -> str:
+        """Returns the name of a curve object that a constraint of that type follows."""
+        self.splines.setdefault(curve.name_full, curve)
+        self.along_splines.setdefault(curve.name_full, set()).add(kind)
+        return str(curve.name_full)
 
     def channels_of(self, action: bpy.types.Action, slot: int) -> dict[str, list[Channel]]:
         """Returns the curves of an action's slot by bone. Raises Refused."""

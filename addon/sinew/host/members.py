@@ -91,6 +91,7 @@ CONSTRAINTS = {
     "COPY_TRANSFORMS": "bTransLikeConstraint",
     "DAMPED_TRACK": "bDampTrackConstraint",
     "FLOOR": "bMinMaxConstraint",
+    "FOLLOW_PATH": "bFollowPathConstraint",
     "IK": "bKinematicConstraint",
     "LIMIT_DISTANCE": "bDistLimitConstraint",
     "LIMIT_LOCATION": "bLocLimitConstraint",

@@ -36,7 +36,7 @@ def lacking(frames: range, compared: set[int]) -> Iterator[int]:
 
 
 def _is_known(block: bpy.types.ID) -> bool:
-    """Whether a data-block with keyframes is an object that these alone move."""
+    """Whether keyframes of a data-block say where it is, and nothing else does."""
     return isinstance(block, bpy.types.Object) and not objects.why_not(block)
 
 
@@ -58,7 +58,9 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene, most_frames: int | None = MOS
     if used is None:
         return False
     source.compared.add(scene.frame_current)
-    if not all(each in source.data.owners or each in chain or _is_known(each) for each in used):
+    paths = {each.data for each in source.moving if each.type == "CURVE"}
+    known = {*paths, *source.data.owners, *chain}
+    if not all(each in known or _is_known(each) for each in used):
         return False
     if dependencies.actions_of_lists(block for each in chain for block in dependencies.data_read_by(each)):
         return False  # a scene's, which Blender evaluates only in its own graph

@@ -16,7 +16,7 @@ from ..host import contract, features, members, poses, relations
 from ..plan import wiring
 
 # Constraints that depend on the frame, or on what cannot be watched.
-TIMED = {"TRANSFORM_CACHE", "FOLLOW_TRACK", "CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_PATH"}
+TIMED = {"TRANSFORM_CACHE", "FOLLOW_TRACK", "CAMERA_SOLVER", "OBJECT_SOLVER"}
 _BETWEEN_FRAMES = {"FLUID", "DYNAMIC_PAINT"}  # which have Blender evaluate keyframes between two frames
 # What drivers may read of a bone on each frame.
 _RECORDED = {*poses.RECORDED, "matrix", "matrix_channel", "head", "tail", "length"}
@@ -332,6 +332,8 @@ def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
     and drivers, or if its place on each frame is not known from keyframes."""
     mixed: dict[Any, str] = {}
     known = set(followed)
+    own = constraints_on(rig, followed)
+    paths = {each for constraint, targets in own if constraint.type == "FOLLOW_PATH" for each in targets}
     for curve in reading(rig, followed):
         for variable in curve.driver.variables:
             read = {target.id for target in variable.targets}
@@ -343,14 +345,15 @@ def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
                 )
     for each in followed:
         why = objects.why_not(each) or mixed.get(each, "")
-        if not why and not each.visible_get(view_layer=layer) and (each.type != "CURVE" or objects.may_move(each)):
+        is_needed = each.type != "CURVE" or objects.may_move(each) or each in paths
+        if not why and not each.visible_get(view_layer=layer) and is_needed:
             # so that Blender might not evaluate it
             why = f"{each.name} is hidden: show it"
         elif not why and not contract.has(features.FOLLOWING):
             why = contract.why_not(features.FOLLOWING)
         if why:
             raise NotPlayable(f"bones of {rig.name} follow {each.name}, outside of it, which may move: {why}")
-    for constraint, _targets in constraints_on(rig, followed):
+    for constraint, _targets in own:
         if constraint.type not in members.CONSTRAINTS:
             raise NotPlayable(
                 f'the constraint "{constraint.name}" of {rig.name} follows an object that may move: use a '

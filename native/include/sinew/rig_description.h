@@ -223,8 +223,9 @@ enum class ConstraintType : std::uint8_t {
   action,
   ik,
   spline_ik,
+  follow_path,
 };
-inline constexpr int kConstraintTypeCount = static_cast<int>(ConstraintType::spline_ik) + 1;
+inline constexpr int kConstraintTypeCount = static_cast<int>(ConstraintType::follow_path) + 1;
 
 /// A bone's channel that an Action constraint's action sets.
 struct ActionChannel {
@@ -241,7 +242,7 @@ struct ConstraintDescription {
   std::vector<float> weights;      ///< of an Armature constraint's targets
   RigTarget space;                 ///< the object or bone of the space CUSTOM
   std::vector<ActionChannel> action;
-  int spline = -1;            ///< of Spline IK: in RigDescription::splines
+  int spline = -1;            ///< of Spline IK and Follow Path: in RigDescription::splines
   std::vector<float> joints;  ///< of Spline IK: SplineIKConstraint.joint_bindings; empty if Blender divides the spline
 };
 
@@ -281,6 +282,8 @@ struct ObjectDescription {
 
 enum class SplineHandle : std::uint8_t { free, automatic, vector, aligned };
 enum class RadiusInterpolation : std::uint8_t { linear, cardinal, bspline, ease };
+/// How what follows a spline is turned from one point to the next.
+enum class SplineTwist : std::uint8_t { minimum, z_up };
 
 /// A Hook modifier that moves points of a spline with a bone or an object.
 struct SplineHook {
@@ -297,17 +300,29 @@ struct SplineKey {
   std::vector<std::array<float, 10>> points;  ///< left handle, point, right handle, radius
 };
 
-/// The first spline of a curve object that Spline IK follows: open, in three dimensions, Bezier or a polyline.
+enum class SplineType : std::uint8_t { bezier, poly, nurbs };
+
+/// The first spline of a curve object that Spline IK or Follow Path follows, in three dimensions.
 struct SplineDescription {
   std::string name;
   int matrix = -1;  ///< in RigDescription::matrices: of the curve object
-  bool is_poly = false;
+  SplineType type = SplineType::bezier;
+  bool is_closed = false;                            ///< only Follow Path follows such a one
   int resolution = 12;                               ///< segments between two points
   std::vector<std::array<float, 9>> points;          ///< left handle, point, right handle; in the object's space
   std::vector<std::array<SplineHandle, 2>> handles;  ///< of each point; hooks have Blender place some again
   std::string radii;                                 ///< path of a property with a number for each point
   RadiusInterpolation radius_interpolation = RadiusInterpolation::linear;
-  bool has_keys = false;  ///< shape keys, also if none but the Basis counts: Blender places handles again
+  std::vector<float> tilts;    ///< of each point; empty: none
+  std::vector<float> weights;  ///< of each point of NURBS; empty: 1
+  int order = 4;               ///< of NURBS
+  bool reaches_ends = false;   ///< open NURBS begin and end at their first and last point; closed ones are as circles
+  RadiusInterpolation tilt_interpolation = RadiusInterpolation::linear;
+  SplineTwist twist = SplineTwist::minimum;
+  std::string time;          ///< path of a property with one number: Curve.eval_time
+  int duration = 100;        ///< Curve.path_duration
+  bool stays_within = true;  ///< Curve.use_path_clamp
+  bool has_keys = false;     ///< shape keys, also if none but the Basis counts: Blender places handles again
   std::vector<SplineKey> keys;
   std::vector<SplineHook> hooks;  ///< in the order of the modifiers
 };

@@ -7,7 +7,6 @@ namespace entries {
 
 /// What a description keeps as a flag.
 enum class Mapping : std::uint8_t { straight, curved };
-enum class SplineType : std::uint8_t { bezier, poly };
 
 constexpr std::string_view names(NamesOf<RotationMode>) { return "AXIS_ANGLE QUATERNION XYZ XZY YXZ YZX ZXY ZYX"; }
 constexpr std::string_view names(NamesOf<InheritScale>) { return "FULL FIX_SHEAR ALIGNED AVERAGE NONE NONE_LEGACY"; }
@@ -34,7 +33,8 @@ constexpr std::string_view names(NamesOf<StripExtrapolation>) { return "HOLD HOL
 constexpr std::string_view names(NamesOf<PropertyMix>) { return "ADD MULTIPLY QUATERNION"; }
 constexpr std::string_view names(NamesOf<ValueKind>) { return "FLOAT INT BOOLEAN ENUM"; }
 constexpr std::string_view names(NamesOf<Mapping>) { return "STRAIGHT CURVED"; }
-constexpr std::string_view names(NamesOf<SplineType>) { return "BEZIER POLY"; }
+constexpr std::string_view names(NamesOf<SplineType>) { return "BEZIER POLY NURBS"; }
+constexpr std::string_view names(NamesOf<SplineTwist>) { return "MINIMUM Z_UP"; }
 
 /// Blender's numbers of interpolations.
 constexpr std::array kInterpolations = {
@@ -417,6 +417,8 @@ struct Table<ConstraintDescription> {
 struct SplinePoint {
   std::array<float, 9> places{};
   std::array<SplineHandle, 2> handles{};
+  float tilt = 0;
+  float weight = 1;
 };
 template <>
 struct Table<SplinePoint> {
@@ -426,6 +428,8 @@ struct Table<SplinePoint> {
       {"co", into<&Of::places>, kNeeded},
       {"handle_left_type", into_item<&Of::handles, 0>},
       {"handle_right_type", into_item<&Of::handles, 1>},
+      {"tilt", into<&Of::tilt>},
+      {"weight", into<&Of::weight>},
   };
 };
 
@@ -480,9 +484,16 @@ struct Table<SplineDescription> {
          const RigTarget place = target_of(reader, entry.json);
          if (place.type == RigTarget::Type::outside) spline.matrix = place.index;
        }},
-      {"type", [](Reader& reader, const Entry& entry,
-                  Of& spline) { spline.is_poly = choice_of<SplineType>(reader, entry) == SplineType::poly; }},
+      {"type", into<&Of::type>},
+      {"order_u", into<&Of::order>},
+      {"use_endpoint_u", into<&Of::reaches_ends>},
+      {"use_cyclic_u", into<&Of::is_closed>},
       {"resolution_u", into<&Of::resolution>},
+      {"tilt_interpolation", into<&Of::tilt_interpolation>},
+      {"twist_mode", into<&Of::twist>},
+      {"eval_time", into<&Of::time>},
+      {"path_duration", into<&Of::duration>},
+      {"use_path_clamp", into<&Of::stays_within>},
       {"radius_interpolation", into<&Of::radius_interpolation>},
       {"radii", into<&Of::radii>, kNeeded},
       {"points",
@@ -492,6 +503,8 @@ struct Table<SplineDescription> {
          for (const SplinePoint& point : points) {
            spline.points.push_back(point.places);
            spline.handles.push_back(point.handles);
+           spline.tilts.push_back(point.tilt);
+           spline.weights.push_back(point.weight);
          }
        }},
       {"has_shape_keys", into<&Of::has_keys>},

@@ -115,6 +115,7 @@ int target_count(ConstraintType type) {
     case ConstraintType::limit_scale:
     case ConstraintType::maintain_volume:
     case ConstraintType::spline_ik:
+    case ConstraintType::follow_path:
       return 0;
     default:
       return 1;
@@ -158,6 +159,13 @@ void add_constraint(const RigDescription& rig, int index, Program& program) {
       fail(text(), " follows spline ", given.spline, "; the rig has ", rig.splines.size());
     }
     check_finite(given.joints, "the joints of " + text());
+    if (rig.splines[given.spline].is_closed) {
+      fail(text(), " follows the closed spline \"", rig.splines[given.spline].name,
+           "\", which is not computed; open it");
+    }
+  }
+  if (given.type == ConstraintType::follow_path && given.spline >= static_cast<int>(rig.splines.size())) {
+    fail(text(), " follows spline ", given.spline, "; the rig has ", rig.splines.size());
   }
   if (given.type == ConstraintType::armature) {
     constraint.first_binding = program.binding_count;

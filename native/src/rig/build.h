@@ -10,6 +10,9 @@ namespace sinew::rig {
 
 void add_spline(const RigDescription& rig, int index, Program& program);
 
+/// The places along NURBS at which Blender computes them. Its settings were checked.
+std::vector<NurbsPlace> nurbs_places(const SplineDescription& given);
+
 /// Finds the chains of Spline IK, after the constraints. Throws InputError for bones that several constraints would move
 /// together.
 void add_chains(const RigDescription& rig, Program& program);

@@ -31,7 +31,9 @@ void add_spline(const RigDescription& rig, int index, Program& program) {
     fail(text(), " has matrix ", given.matrix, "; the rig has ", grouped(matrices));
   }
   constexpr int kMostPoints = 10000;
-  constexpr int kMostPieces = 1024;  // Blender's limit
+  constexpr int kMostPieces = 1024;  // Blender's limits
+  constexpr int kMostOrder = 64;
+  constexpr int kMostPlaces = 100'000;
   const int count = static_cast<int>(std::min<std::size_t>(given.points.size(), kMostPoints + 1));
   if (count < 2 || count > kMostPoints) {
     fail(text(), " has ", plural(static_cast<long long>(given.points.size()), "point"), "; expected 2 to ",
@@ -46,7 +48,7 @@ void add_spline(const RigDescription& rig, int index, Program& program) {
   }
   Spline spline;
   spline.matrix = given.matrix;
-  spline.is_poly = given.is_poly;
+  spline.type = given.type;
   spline.resolution = given.resolution;
   const ValueMap::Found radii = program.map.find(given.radii);
   if (radii.first < 0 || radii.count != count) {
@@ -61,6 +63,39 @@ void add_spline(const RigDescription& rig, int index, Program& program) {
         {{{point[0], point[1], point[2]}, {point[3], point[4], point[5]}, {point[6], point[7], point[8]}}});
   }
   spline.handles = given.handles;
+  spline.is_closed = given.is_closed;
+  if (!given.tilts.empty() && given.tilts.size() != given.points.size()) {
+    fail(text(), " has ", count, " points and ", plural(static_cast<long long>(given.tilts.size()), "tilt"));
+  }
+  check_finite(given.tilts, "a tilt of " + text());
+  spline.tilts = given.tilts;
+  spline.tilts.resize(given.points.size());
+  spline.tilt_interpolation = given.tilt_interpolation;
+  spline.twist = given.twist;
+  if (given.type == SplineType::nurbs) {
+    if (given.order < 2 || given.order > std::min(count, kMostOrder)) {
+      fail(text(), " has ", count, " points and order ", given.order, "; expected 2 to ", std::min(count, kMostOrder));
+    }
+    if (!given.weights.empty() && given.weights.size() != given.points.size()) {
+      fail(text(), " has ", count, " points and ", plural(static_cast<long long>(given.weights.size()), "weight"));
+    }
+    check_finite(given.weights, "a weight of " + text());
+    if (count * given.resolution > kMostPlaces) {
+      fail(text(), " has ", count, " points and resolution ", given.resolution, "; NURBS have at most ",
+           grouped(kMostPlaces), " places");
+    }
+    spline.places = nurbs_places(given);
+  }
+  if (!given.time.empty()) {
+    const ValueMap::Found time = program.map.find(given.time);
+    if (time.first < 0 || time.count != 1) {
+      fail(text(), " has as its time ", given.time, ", which is no property of one number");
+    }
+    spline.time = time.first;
+  }
+  if (given.duration < 1) fail(text(), " has the duration ", given.duration, "; expected 1 or more");
+  spline.duration = static_cast<float>(given.duration);
+  spline.stays_within = given.stays_within;
   spline.has_keys = given.has_keys;
   for (const SplineKey& key : given.keys) {
     const ValueMap::Found value = program.map.find(key.value);

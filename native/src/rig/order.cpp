@@ -132,6 +132,7 @@ class Graph {
   void add_solver(int constraint);
   void add_ik(int constraint, int tip);
   void add_spline(int constraint);
+  void need_spline(int node, const Spline& spline);
   void check_idle_chain(const Constraint& constraint) const;
   void add_chain(int node, const std::vector<int>& bones);
   void see_ready(int bone);
@@ -244,7 +245,11 @@ void Graph::add_spline(int index) {
   const int node = spline_node(index);
   add_chain(node, ik_chain(program_.bones, constraint.bone, count));
   if (chains_[index] < 0) return;
-  const Spline& spline = program_.splines[program_.chains[chains_[index]].spline];
+  need_spline(node, program_.splines[program_.chains[chains_[index]].spline]);
+}
+
+void Graph::need_spline(int node, const Spline& spline) {
+  if (spline.time >= 0) need_values(node, spline.time, 1);
   need_values(node, spline.radii, static_cast<int>(spline.points.size()));
   for (const ShapeOfSpline& key : spline.keys) need_values(node, key.value, 1);
   for (const SplineHook& hook : spline.hooks) need_done(node, hook.target);
@@ -306,6 +311,9 @@ void Graph::add_constraint(const Constraint& constraint) {
   const bool along_bend = is_armature || initial(constraint, kAlongBend) != 0;
   for (const RigTarget& target : constraint.targets) need_target(target, is_armature, along_bend);
   need_target(constraint.space, false, false);
+  if (constraint.type == ConstraintType::follow_path && constraint.spline >= 0) {
+    need_spline(node, program_.splines[constraint.spline]);
+  }
 }
 
 /// Has a bone that a chain moves posed before, with all that this reads in turn.

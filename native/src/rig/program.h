@@ -76,8 +76,8 @@ struct Constraint {
   RigTarget space;
   std::vector<RigTarget> targets;
   std::vector<ActionCurve> action;
-  int spline = -1;            ///< of Spline IK, as `joints`
-  std::vector<float> joints;  ///< see ConstraintDescription
+  int spline = -1;            ///< of Spline IK and Follow Path
+  std::vector<float> joints;  ///< of Spline IK; see ConstraintDescription
 };
 
 /// What a variable reads of a target, see VariableTarget. Small: a rig may have thousands, which are not in the caches.
@@ -152,13 +152,27 @@ struct ShapeOfSpline {
   std::vector<std::array<float, 10>> points;
 };
 
-/// A curve that Spline IK follows.
+/// A place on NURBS: the points from `first` on, in a circle, each with its share.
+struct NurbsPlace {
+  int first = 0;
+  std::vector<float> shares;
+};
+
+/// A curve that Spline IK and Follow Path follow.
 struct Spline {
   int matrix = 0;  ///< in State::outside
-  bool is_poly = false;
+  SplineType type = SplineType::bezier;
+  bool is_closed = false;
   int resolution = 1;
   int radii = 0;  ///< where its points' radii begin among the numbers
   RadiusInterpolation radius_interpolation = RadiusInterpolation::linear;
+  std::vector<float> tilts;  ///< of its points
+  RadiusInterpolation tilt_interpolation = RadiusInterpolation::linear;
+  SplineTwist twist = SplineTwist::minimum;
+  std::vector<NurbsPlace> places;  ///< along NURBS
+  int time = -1;                   ///< the number that says where on the curve its followers are; -1 without one
+  float duration = 1;              ///< the time at the end of the curve
+  bool stays_within = false;
   std::vector<std::array<Vec3, 3>> points;
   std::vector<std::array<SplineHandle, 2>> handles;
   bool has_keys = false;  ///< also if all are muted

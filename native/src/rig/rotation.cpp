@@ -150,6 +150,22 @@ Quat normalized(const Quat& q) {
   return {q[0] * factor, q[1] * factor, q[2] * factor, q[3] * factor};
 }
 
+Quat turn_about(const Vec3& axis, float angle) {
+  const Direction about = normalized(axis);
+  if (about.length == 0) return {1, 0, 0, 0};
+  const float half = 0.5F * angle;
+  const Vec3 v = about.unit * std::sin(half);
+  return {std::cos(half), v[0], v[1], v[2]};
+}
+
+Vec3 turned(const Quat& q, const Vec3& v) {
+  const auto& [w, x, y, z] = q.v;
+  const float a = -x * v[0] - y * v[1] - z * v[2];
+  const Vec3 b = {w * v[0] + y * v[2] - z * v[1], w * v[1] + z * v[0] - x * v[2], w * v[2] + x * v[1] - y * v[0]};
+  return {a * -x + b[0] * w - b[1] * z + b[2] * y, a * -y + b[1] * w - b[2] * x + b[0] * z,
+          a * -z + b[2] * w - b[0] * y + b[1] * x};
+}
+
 Quat slerp(const Quat& a, const Quat& b, float t) {
   float cosine = dot(a, b);
   Quat from = a;

@@ -30,6 +30,12 @@ Quat normalized(const Quat& q);
 /// On the shorter way; linear where both nearly agree.
 Quat slerp(const Quat& a, const Quat& b, float t);
 
+/// None about an axis without a direction.
+Quat turn_about(const Vec3& axis, float angle);
+
+/// A vector turned by a quaternion.
+Vec3 turned(const Quat& q, const Vec3& v);
+
 /// m: unit columns. A mirroring matrix is turned over first.
 Quat quaternion_of_unit(const Mat3& m);
 inline Quat quaternion_of(const Mat4& m) { return quaternion_of_unit(unit_columns(upper(m))); }

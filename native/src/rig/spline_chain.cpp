@@ -7,48 +7,12 @@
 #include "rig/channels.h"
 #include "rig/constraints/bulge.h"
 #include "rig/constraints/spline_ik.h"
+#include "rig/kept_path.h"
 #include "rig/rotation.h"
 #include "rig/spaces.h"
 
 namespace sinew::rig {
 namespace {
-
-/// Adds how far each key is from what it is relative to.
-void add_keys(const Spline& spline, State& state) {
-  for (const ShapeOfSpline& key : spline.keys) {
-    const float share = state.values[key.value];
-    if (share == 0) continue;
-    const float* radii = state.values.data() + spline.radii;
-    for (std::size_t i = 0; i < spline.points.size(); ++i) {
-      const auto base = [&](int number) {
-        if (key.relative >= 0) return spline.keys[key.relative].points[i][number];
-        return number == 9 ? radii[i] : spline.points[i][number / 3][number % 3];
-      };
-      for (int k = 0; k < 9; ++k) state.spline_points[i][k / 3][k % 3] -= share * (base(k) - key.points[i][k]);
-      state.spline_radii[i] -= share * (base(9) - key.points[i][9]);
-    }
-  }
-}
-
-void build_path(State& state, const Spline& spline) {
-  state.spline_points.assign(spline.points.begin(), spline.points.end());
-  const float* radii = state.values.data() + spline.radii;
-  state.spline_radii.assign(radii, radii + spline.points.size());
-  add_keys(spline, state);
-  if (!spline.hooks.empty()) {
-    const Mat4 inverse_world = inverse(state.outside[spline.matrix]);
-    for (const SplineHook& hook : spline.hooks) {
-      const RigTarget& target = hook.target;
-      const Mat4 place = target.type == RigTarget::Type::bone      ? state.world * state.poses[target.index]
-                         : target.type == RigTarget::Type::outside ? state.outside[target.index]
-                                                                   : state.world;
-      move_by_hook(hook, inverse_world * place * matrix_of(std::span<const float, 16>(hook.inverse)),
-                   state.spline_points);
-    }
-  }
-  if (!spline.hooks.empty() || spline.has_keys) place_handles(spline, state.spline_points);
-  state.path.build(spline, state.spline_points, state.spline_radii.data());
-}
 
 /// The places of the axes if they are sorted by their numbers.
 std::array<int, 3> sorted_axes(Vec3 numbers) {
@@ -70,12 +34,12 @@ std::array<int, 3> sorted_axes(Vec3 numbers) {
 /// Walks along the path, from the chain's root to its tip.
 class Follower {
  public:
-  Follower(const Program& program, State& state, const Chain& chain)
+  Follower(const Program& program, State& state, const Chain& chain, const SplinePath& path)
       : program_(program),
         state_(state),
         chain_(chain),
         acting_(program, state, program.constraints[chain.constraint]),
-        path_(state.path),
+        path_(path),
         influence_(acting_.number(kInfluence)),
         length_mode_(static_cast<LengthMode>(acting_.choice(kSplineLengthMode, 3))),
         width_mode_(static_cast<WidthMode>(acting_.choice(kSplineWidthMode, 4))),
@@ -226,9 +190,9 @@ void follow_spline(const Program& program, State& state, const Chain& chain) {
   for (int i = count - 1; i >= 0; --i) pose_bone(program, state, chain.bones[i]);
   const Acting acting(program, state, program.constraints[chain.constraint]);
   if (!acting.is_on() || !acting.flag(kValid) || acting.number(kInfluence) == 0) return;
-  build_path(state, program.splines[chain.spline]);
-  if (!state.path.is_there()) return;
-  Follower follower(program, state, chain);
+  const SplinePath& path = path_of(program, state, chain.spline);
+  if (!path.is_there()) return;
+  Follower follower(program, state, chain, path);
   for (int i = count - 1; i >= 0; --i) follower.pose(i);
   // What it was before does not count any more.
   for (const int bone : chain.bones) {

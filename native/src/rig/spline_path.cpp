@@ -60,46 +60,90 @@ bool are_near(const Vec3& a, const Vec3& b, float most) {
 void SplinePath::reserve(std::size_t pieces) {
   points_.reserve(std::max(points_.capacity(), pieces + 1));
   radii_.reserve(points_.capacity());
+  tilts_.reserve(points_.capacity());
   lengths_.reserve(points_.capacity());
+  directions_.reserve(points_.capacity());
+  rotations_.reserve(points_.capacity());
 }
 
 void SplinePath::add_segment(const Spline& spline, std::span<const std::array<Vec3, 3>> points, const float* radii,
                              std::size_t i) {
   const int count = spline.resolution;
+  const std::size_t last = points.size() - 1;
+  const std::size_t next = i == last ? 0 : i + 1;
   const std::size_t begin = points_.size();
   points_.resize(begin + count);
   for (int k = 0; k < 3; ++k) {
-    add_bezier(points[i][kPoint][k], points[i][kRight][k], points[i + 1][kLeft][k], points[i + 1][kPoint][k], count, k,
+    add_bezier(points[i][kPoint][k], points[i][kRight][k], points[next][kLeft][k], points[next][kPoint][k], count, k,
                points_.data() + begin);
   }
-  const float before = radii[i == 0 ? 0 : i - 1];
-  const float after = radii[std::min(i + 2, points.size() - 1)];
+  const std::size_t before = i > 0 ? i - 1 : spline.is_closed ? last : 0;
+  const std::size_t after = next < last ? next + 1 : spline.is_closed ? 0 : last;
+  const auto add = [&](const float* numbers, RadiusInterpolation interpolation, float t, std::vector<float>& added) {
+    if (interpolation == RadiusInterpolation::ease) {
+      added.push_back(numbers[i] + (numbers[next] - numbers[i]) * (3.0F * t * t - 2.0F * t * t * t));
+      return;
+    }
+    const std::array<float, 4> weights = radius_weights(interpolation, t);
+    added.push_back(weights[0] * numbers[before] + weights[1] * numbers[i] + weights[2] * numbers[next] +
+                    weights[3] * numbers[after]);
+  };
   const float share = 1.0F / static_cast<float>(count);
   float t = 0;
   for (int step = 0; step < count; ++step, t += share) {
-    if (spline.radius_interpolation == RadiusInterpolation::ease) {
-      radii_.push_back(radii[i] + (radii[i + 1] - radii[i]) * (3.0F * t * t - 2.0F * t * t * t));
-      continue;
-    }
-    const std::array<float, 4> weights = radius_weights(spline.radius_interpolation, t);
-    radii_.push_back(weights[0] * before + weights[1] * radii[i] + weights[2] * radii[i + 1] + weights[3] * after);
+    add(radii, spline.radius_interpolation, t, radii_);
+    add(spline.tilts.data(), spline.tilt_interpolation, t, tilts_);
   }
 }
 
+void SplinePath::add_place(const Spline& spline, std::span<const std::array<Vec3, 3>> points, const float* radii,
+                           const NurbsPlace& place) {
+  Vec3 found = {0, 0, 0};
+  float tilt = 0;
+  float radius = 0;
+  std::size_t i = place.first % points.size();
+  for (const float share : place.shares) {
+    if (share != 0) {
+      found = found + points[i][kPoint] * share;
+      tilt += share * spline.tilts[i];
+      radius += share * radii[i];
+    }
+    if (++i == points.size()) i = 0;
+  }
+  points_.push_back(found);
+  tilts_.push_back(tilt);
+  radii_.push_back(radius);
+}
+
 void SplinePath::build(const Spline& spline, std::span<const std::array<Vec3, 3>> points, const float* radii) {
+  is_closed_ = spline.is_closed;
   points_.clear();
   radii_.clear();
-  for (std::size_t i = 0; i < points.size(); ++i) {
+  tilts_.clear();
+  rotations_.clear();
+  const std::size_t count = points.size();
+  const bool is_bezier = spline.type == SplineType::bezier;
+  for (const NurbsPlace& place : spline.places) add_place(spline, points, radii, place);
+  // A closed Bezier curve begins with the segment that ends at its first point.
+  const std::size_t first = is_closed_ && is_bezier ? count - 1 : 0;
+  for (std::size_t step = 0; step < count && spline.type != SplineType::nurbs; ++step) {
+    const std::size_t i = (first + step) % count;
+    const std::size_t next = (i + 1) % count;
     const bool is_straight =
-        spline.is_poly || i + 1 == points.size() ||
-        (spline.handles[i][1] == SplineHandle::vector && spline.handles[i + 1][0] == SplineHandle::vector);
+        !is_bezier || (!is_closed_ && next == 0) ||
+        (spline.handles[i][1] == SplineHandle::vector && spline.handles[next][0] == SplineHandle::vector);
     if (is_straight) {
       points_.push_back(points[i][kPoint]);
       radii_.push_back(radii[i]);
+      tilts_.push_back(spline.tilts[i]);
     } else {
       add_segment(spline, points, radii, i);
     }
   }
+  const auto way = [&](const Vec3& from, const Vec3& to) { return normalized(to - from).unit; };
+  const auto& end = points[count - 1];
+  ends_ = {way(points[0][kPoint], is_bezier ? points[0][kRight] : points[1][kPoint]),
+           way(is_bezier ? end[kLeft] : points[count - 2][kPoint], end[kPoint])};
   remove_doubles(spline.resolution);
   lengths_.clear();
   float length = 0;
@@ -107,21 +151,33 @@ void SplinePath::build(const Spline& spline, std::span<const std::array<Vec3, 3>
     length += distance(points_[i], points_[i + 1]);
     lengths_.push_back(length);
   }
+  if (is_closed_ && is_there()) lengths_.push_back(length + distance(points_.front(), points_.back()));
 }
 
 void SplinePath::remove_doubles(int resolution) {
   const float most = 0.00001F / static_cast<float>(resolution);
+  const std::size_t count = points_.size();
+  const auto is_double = [&](std::size_t i) {
+    if (!is_closed_) return i + 1 < count && are_near(points_[i], points_[i + 1], most);
+    if (i + 1 == count) return count > 1 && are_near(points_[i], points_[0], most);
+    return i + 2 < count && are_near(points_[i], points_[i + 1], most);  // as Blender, which leaves out one pair
+  };
+  const bool drops_last = is_closed_ && is_double(count - 1);
+  if (!is_closed_ && is_double(0)) ends_[0] = {0, 0, 0};
   std::size_t kept = 0;
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    if (i + 1 < points_.size() && are_near(points_[i], points_[i + 1], most)) continue;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (is_closed_ && i + 1 == count ? drops_last : is_double(i)) continue;
     points_[kept] = points_[i];
+    tilts_[kept] = tilts_[i];
     radii_[kept++] = radii_[i];
   }
   points_.resize(kept);
   radii_.resize(kept);
+  tilts_.resize(kept);
 }
 
-PathPlace SplinePath::at(float share) const {
+SplinePath::Along SplinePath::piece_at(float share) const {
+  if (is_closed_ && (share < 0 || share > 1)) share -= std::floor(share);
   const float wanted = share * length();
   int piece = 0;
   if (share <= 0 || share >= 1) {
@@ -131,11 +187,16 @@ PathPlace SplinePath::at(float share) const {
     piece = std::min(piece, pieces() - 1);
   }
   const float before = piece == 0 ? 0 : lengths_[piece - 1];
-  const float t = piece == 0 ? wanted / lengths_[0] : (wanted - before) / (lengths_[piece] - before);
+  return {piece, piece == 0 ? wanted / lengths_[0] : (wanted - before) / (lengths_[piece] - before)};
+}
+
+PathPlace SplinePath::place_in(const Along& along) const {
+  const float t = along.share;
   const float s = -t + 1.0F;
-  const Vec3& a = points_[piece];
-  const Vec3& b = points_[piece + 1];
-  return {a * s + b * t, clamped(s, 0, 1) * radii_[piece] + clamped(t, 0, 1) * radii_[piece + 1]};
+  const int end = end_of(along.piece);
+  const Vec3& a = points_[along.piece];
+  const Vec3& b = points_[end];
+  return {a * s + b * t, clamped(s, 0, 1) * radii_[along.piece] + clamped(t, 0, 1) * radii_[end]};
 }
 
 int SplinePath::leave_ball(const Vec3& centre, float size, int from, float& share, PathPlace& place) const {
@@ -180,7 +241,7 @@ void move_by_hook(const SplineHook& hook, const Mat4& matrix, std::span<std::arr
 }
 
 void place_handles(const Spline& spline, std::span<std::array<Vec3, 3>> points) {
-  if (spline.is_poly || points.size() < 2) return;
+  if (spline.type != SplineType::bezier || points.size() < 2) return;
   const auto length_or_one = [](const Vec3& way) {
     const float size = length(way);
     return size == 0 ? 1.0F : size;
@@ -189,8 +250,11 @@ void place_handles(const Spline& spline, std::span<std::array<Vec3, 3>> points) 
     const auto& [left, right] = spline.handles[i];
     const Vec3& point = points[i][kPoint];
     const auto beyond = [&](const Vec3& other) { return point * 2.0F - other; };
-    const Vec3 next = i + 1 < points.size() ? points[i + 1][kPoint] : beyond(points[i - 1][kPoint]);
-    const Vec3 previous = i > 0 ? points[i - 1][kPoint] : beyond(next);
+    const std::size_t last = points.size() - 1;
+    const bool ends = i == last && !spline.is_closed;
+    const bool begins = i == 0 && !spline.is_closed;
+    const Vec3 next = ends ? beyond(points[i - 1][kPoint]) : points[i == last ? 0 : i + 1][kPoint];
+    const Vec3 previous = begins ? beyond(next) : points[i == 0 ? last : i - 1][kPoint];
     const Vec3 in = point - previous;
     const Vec3 out = next - point;
     float in_length = length_or_one(in);

@@ -47,7 +47,10 @@ State::State(const Program& program)
     work.solver.reserve(most_bones, most_goals);
   }
   for (const Spline& spline : program.splines) {
-    path.reserve(spline.points.size() * (spline.is_poly ? 1 : spline.resolution));
+    KeptPath& kept = paths.emplace_back();
+    kept.points.reserve(spline.points.size());
+    kept.radii.reserve(spline.points.size());
+    kept.path.reserve(spline.points.size() * (spline.type == SplineType::poly ? 1 : spline.resolution));
     spline_points.reserve(std::max(spline_points.capacity(), spline.points.size()));
     spline_radii.reserve(spline_points.capacity());
   }

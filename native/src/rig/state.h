@@ -51,6 +51,14 @@ struct Binding {
   Place place;
 };
 
+/// A spline as a path.
+struct KeptPath {
+  std::uint32_t pass = 0;                   ///< in which it was last right
+  std::vector<std::array<Vec3, 3>> points;  ///< from which it was built, as its radii
+  std::vector<float> radii;
+  SplinePath path;
+};
+
 /// A tree that is being solved.
 struct TreeWork {
   const std::vector<IkPlan>* plans = nullptr;
@@ -131,7 +139,7 @@ struct State {
   std::vector<IkTreeSolver*> ik_solvers;
   std::vector<DampedLeastSquares*> ik_systems;
 
-  SplinePath path;  ///< of the spline that is being followed
+  std::vector<KeptPath> paths;  ///< of each spline
   std::vector<std::array<Vec3, 3>> spline_points;
   std::vector<float> spline_radii;
 

@@ -10,7 +10,7 @@ constexpr const ConstraintKind* kKinds[] = {
     &kCopyLocation, &kCopyRotation,  &kCopyScale,      &kCopyTransforms, &kLimitLocation, &kLimitRotation,
     &kLimitScale,   &kLimitDistance, &kMaintainVolume, &kTransformation, &kDampedTrack,   &kLockedTrack,
     &kStretchTo,    &kTrackTo,       &kArmature,       &kChildOf,        &kFloor,         &kPivot,
-    &kAction,       &kIkConstraint,  &kSplineIk,
+    &kAction,       &kIkConstraint,  &kSplineIk,       &kFollowPath,
 };
 
 /// A bone's pose at a place along it. `along` is 0 at its head.

@@ -89,6 +89,6 @@ void apply_constraint(const Program& program, State& state, const Constraint& co
 // The kinds' table entries, one from each file.
 extern const ConstraintKind kCopyLocation, kCopyRotation, kCopyScale, kCopyTransforms, kLimitLocation, kLimitRotation,
     kLimitScale, kLimitDistance, kMaintainVolume, kTransformation, kDampedTrack, kLockedTrack, kStretchTo, kTrackTo,
-    kArmature, kChildOf, kFloor, kPivot, kAction, kIkConstraint, kSplineIk;
+    kArmature, kChildOf, kFloor, kPivot, kAction, kIkConstraint, kSplineIk, kFollowPath;
 
 }  // namespace sinew::rig
