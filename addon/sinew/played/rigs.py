@@ -37,9 +37,7 @@ class State(enum.Enum):
 class Source:
     """What the moments of one armature are computed from, see computing.py."""
 
-    program: Any = None  # sinew_native.RigProgram
-    places: Any = None  # of the numbers that it computes besides: values of shape keys, then settings
-    counts: tuple[int, ...] = ()  # how many of them each data-block of shape keys has
+    player: Any = None  # sinew_native.RigPlayer, whose numbers are those of a Moment
     settings: tuple[Setting, ...] = ()  # that keyframes and drivers set besides
     # If it moves as a whole: its parents and itself, each with the numbers of its place that keyframes set.
     place: tuple[tuple[Any, tuple[Channel, ...]], ...] = ()
@@ -54,6 +52,11 @@ class Source:
     # What a frame takes here, and in Blender: medians over the same frames; 0: not measured.
     milliseconds: float = 0.0
     blender_milliseconds: float = 0.0
+
+    @property
+    def program(self) -> Any:
+        """A sinew_native.RigProgram, or None."""
+        return self.player and self.player.program
 
     @property
     def hangs(self) -> bool:
