@@ -232,8 +232,7 @@ std::vector<RecordField> fields_of(const std::vector<FieldTuple>& given) {
 
 /// What a RigPlayer computes of each frame.
 struct Played {
-  py::object object;  // the program's
-  std::shared_ptr<const RigProgram> program;
+  std::shared_ptr<RigProgram> program;
   std::vector<RecordField> fields;
   std::vector<int> places;          // of all parts
   std::vector<std::size_t> counts;  // of each part
@@ -317,7 +316,8 @@ class RigPlayer {
  public:
   RigPlayer(const std::shared_ptr<RigProgram>& program, const std::vector<std::vector<std::string>>& parts,
             const std::vector<FieldTuple>& fields)
-      : played_(of(program, fields_of(fields))) {
+      : played_(std::make_shared<Played>(Played{program, fields_of(fields), {}, {}})) {
+    program->record_size(played_->fields);  // checks them
     for (const auto& paths : parts) {
       const std::vector<int> own = places_of(*program, paths);
       played_->places.insert(played_->places.end(), own.begin(), own.end());
@@ -325,13 +325,12 @@ class RigPlayer {
     }
   }
 
-  const py::object& program() const { return played_->object; }
+  const std::shared_ptr<RigProgram>& program() const { return played_->program; }
 
   RigPlayer edited(const py::dict& set, const py::list& curves) const {
-    RigPlayer player(of(py_edited(*played_->program, set, curves), played_->fields));
-    player.played_->places = played_->places;
-    player.played_->counts = played_->counts;
-    return player;
+    Played after = *played_;
+    after.program = py_edited(*played_->program, set, curves);
+    return RigPlayer(std::make_shared<Played>(std::move(after)));
   }
 
   static void begin(const std::vector<std::shared_ptr<RigPlayer>>& players, float frame) {
@@ -366,11 +365,6 @@ class RigPlayer {
   };
 
   explicit RigPlayer(std::shared_ptr<Played> played) : played_(std::move(played)) {}
-
-  static std::shared_ptr<Played> of(const std::shared_ptr<RigProgram>& program, std::vector<RecordField> fields) {
-    program->record_size(fields);  // checks them
-    return std::make_shared<Played>(Played{py::cast(program), program, std::move(fields), {}, {}});
-  }
 
   std::shared_ptr<Played> played_;
   Ahead ahead_;

@@ -862,7 +862,7 @@ def test_onion_skins(cast):
     select(cast.played[0])
     bpy.ops.object.sinew_onion_skins()
     cast.play()
-    assert len(cast.rig.motion.record) == 0 and not cast.rig.motion.skins.lacks(4, cast.rig.source.program)
+    assert len(cast.rig.motion.record) == 0 and not cast.rig.motion.skins.lacks(4, cast.rig.source.player)
     bpy.ops.object.sinew_onion_skins()
 
 

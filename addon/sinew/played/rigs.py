@@ -197,7 +197,7 @@ class Rig:
         """Returns an object that lives, and stays the same, as long as the pose of that frame does; None if the pose is
         not known."""
         if self.source.is_proven:
-            return self.source.program
+            return self.source.player
         moment = self.motion.record.at(frame)
         return None if moment is None else moment.pose
 
