@@ -32,7 +32,7 @@ GROUPS = {
     "Stencils colours_apart",
     "Working on weights": "WeightTable smooth_weights reduce_weights mirror_weights transfer_weights",
     "Baking to bones": "decompose Decomposition",
-    "Rigs": "RigProgram rig_records RigRecordsAhead rig_bone_settings rig_constraint_settings DriverExpression",
+    "Rigs": "RigProgram RigPlayer rig_bone_settings rig_constraint_settings DriverExpression",
     "Settings": "set_thread_count thread_count instruction_sets instruction_set set_instruction_set Task",
 }
 MARK = "<!-- From here on made by docs/make_python_api.py, from native/bindings: change it there. -->\n"

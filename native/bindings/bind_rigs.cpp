@@ -197,23 +197,6 @@ std::vector<int> places_of(const RigProgram& program, const std::vector<std::str
   return places;
 }
 
-py::array_t<int> py_places(const RigProgram& program, const std::vector<std::string>& paths) {
-  const std::vector<int> places = places_of(program, paths);
-  return py::array_t<int>(static_cast<py::ssize_t>(places.size()), places.data());
-}
-
-/// From what `places` returns.
-std::vector<int> checked_places(const RigProgram& program, const py::array& given) {
-  std::vector<int> places = list_of<int>("places", given);
-  for (const int place : places) {
-    if (place < 0 || place >= program.value_count()) {
-      throw InputError("place " + std::to_string(place) + " is asked for; the rig has " +
-                       std::to_string(program.value_count()) + " numbers, see RigProgram.places");
-    }
-  }
-  return places;
-}
-
 py::array py_values(const RigProgram& program, const py::array& frames, const std::vector<std::string>& paths,
                     const py::dict& set) {
   const std::vector<int> places = places_of(program, paths);
@@ -247,37 +230,39 @@ std::vector<RecordField> fields_of(const std::vector<FieldTuple>& given) {
   return fields;
 }
 
-using RigsOfPython = std::vector<std::tuple<std::shared_ptr<const RigProgram>, py::array, py::array, py::dict>>;
+/// What a RigPlayer computes of each frame.
+struct Played {
+  std::shared_ptr<RigProgram> program;
+  std::vector<RecordField> fields;
+  std::vector<int> places;          // of all parts
+  std::vector<std::size_t> counts;  // of each part
+};
 
-/// Records of several rigs, with the memory that they are written to.
-class Records {
+/// A frame of several rigs, with the memory that it is computed into.
+class RigFrames {
  public:
-  Records(const RigsOfPython& rigs, const std::vector<FieldTuple>& fields) : fields_(fields_of(fields)) {
-    rigs_.reserve(rigs.size());
-    for (const auto& [program, frames, places, set] : rigs) {
-      OfRig& each = rigs_.emplace_back();
-      each.program = program;
-      each.times = list_of<float>("frames", frames);
-      each.places = checked_places(*program, places);
-      const auto count = static_cast<py::ssize_t>(each.times.size());
-      each.inputs.emplace(*program, set, count);
-      const std::ptrdiff_t size = program->record_size(fields_);
-      each.records = py::array_t<std::uint8_t>({count, size});
-      each.values = py::array_t<float>({count, static_cast<py::ssize_t>(each.places.size())});
-      each.outputs.values = each.places;
-      each.outputs.numbers = each.values.mutable_data();
-      each.outputs.records = {fields_, reinterpret_cast<std::byte*>(each.records.mutable_data()), size};
-    }
+  explicit RigFrames(float time) : time_(time) {}
+  RigFrames(const RigFrames&) = delete;
+
+  float time() const { return time_; }
+
+  void add(const std::shared_ptr<const Played>& played, const py::dict& set) {
+    OfRig& own = rigs_.emplace_back(OfRig{played, Inputs(*played->program, set, 1)});
+    const std::ptrdiff_t size = played->program->record_size(played->fields);
+    own.record = py::array_t<std::uint8_t>(size);
+    own.numbers.resize(played->places.size());
+    own.outputs.values = played->places;
+    own.outputs.numbers = own.numbers.data();
+    own.outputs.records = {played->fields, reinterpret_cast<std::byte*>(own.record.mutable_data()), size};
   }
-  Records(const Records&) = delete;
 
   std::size_t size() const { return rigs_.size(); }
 
-  /// Computes those of rig i. Without the GIL, in any thread.
+  /// Computes that of rig i. Without the GIL, in any thread.
   void compute(std::size_t i) {
     OfRig& own = rigs_[i];
     try {
-      own.program->evaluate(own.times, own.inputs->given(), own.outputs);
+      own.played->program->evaluate({&time_, 1}, own.inputs.given(), own.outputs);
     } catch (const InputError& error) {
       own.error = error.what();
     } catch (...) {
@@ -285,61 +270,104 @@ class Records {
     }
   }
 
-  py::list found() const {
-    py::list found;
-    for (const OfRig& each : rigs_) {
-      if (each.fault) std::rethrow_exception(each.fault);
-      if (each.error.empty()) {
-        found.append(py::make_tuple(each.records, each.values));
-      } else {
-        found.append(each.error);
-      }
+  /// Has other threads compute all.
+  void begin() {
+    meanwhile_.emplace(size(), [this](std::size_t i) { compute(i); });
+  }
+
+  /// Waits until all that was begun is computed. Without the GIL.
+  void wait() {
+    if (meanwhile_) meanwhile_->wait();
+  }
+
+  /// Returns what RigPlayer.moments returns of rig i.
+  py::object moment(std::size_t i) const {
+    const OfRig& own = rigs_[i];
+    if (own.fault) std::rethrow_exception(own.fault);
+    if (!own.error.empty()) return py::str(own.error);
+    py::list moment;
+    moment.append(own.record);
+    auto number = own.numbers.begin();
+    for (const std::size_t count : own.played->counts) {
+      py::tuple numbers(count);
+      for (std::size_t k = 0; k < count; ++k) numbers[k] = py::float_(*number++);
+      moment.append(numbers);
     }
-    return found;
+    return moment;
   }
 
  private:
   struct OfRig {
-    std::shared_ptr<const RigProgram> program;
-    std::vector<float> times;
-    std::vector<int> places;
-    std::optional<Inputs> inputs;
-    py::array_t<std::uint8_t> records;
-    py::array_t<float> values;
-    RigOutputs outputs;
-    std::string error;         // what is wrong with the rig
-    std::exception_ptr fault;  // anything else, such as too little memory
+    std::shared_ptr<const Played> played;
+    Inputs inputs;
+    py::array_t<std::uint8_t> record = {};
+    std::vector<float> numbers = {};
+    RigOutputs outputs = {};
+    std::string error = {};         // what is wrong with the rig
+    std::exception_ptr fault = {};  // anything else, such as too little memory
   };
-  std::vector<RecordField> fields_;
+  float time_;
   std::vector<OfRig> rigs_;
+  std::optional<Meanwhile> meanwhile_;  // ends before them
 };
 
-py::list py_records(const RigsOfPython& rigs, const std::vector<FieldTuple>& fields) {
-  Records records(rigs, fields);
-  {
-    const py::gil_scoped_release release;
-    run_parallel(records.size(), [&](std::size_t i) { records.compute(i); });
-  }
-  return records.found();
-}
-
-/// Records that other threads compute.
-class RecordsAhead {
+/// A rig whose frames are played, and the frame that other threads compute of it ahead.
+class RigPlayer {
  public:
-  RecordsAhead(const RigsOfPython& rigs, const std::vector<FieldTuple>& fields)
-      : records_(rigs, fields), meanwhile_(records_.size(), [this](std::size_t i) { records_.compute(i); }) {}
+  RigPlayer(const std::shared_ptr<RigProgram>& program, const std::vector<std::vector<std::string>>& parts,
+            const std::vector<FieldTuple>& fields)
+      : played_(std::make_shared<Played>(Played{program, fields_of(fields), {}, {}})) {
+    program->record_size(played_->fields);  // checks them
+    for (const auto& paths : parts) {
+      const std::vector<int> own = places_of(*program, paths);
+      played_->places.insert(played_->places.end(), own.begin(), own.end());
+      played_->counts.push_back(own.size());
+    }
+  }
 
-  py::list found() {
+  const std::shared_ptr<RigProgram>& program() const { return played_->program; }
+
+  RigPlayer edited(const py::dict& set, const py::list& curves) const {
+    Played after = *played_;
+    after.program = py_edited(*played_->program, set, curves);
+    return RigPlayer(std::make_shared<Played>(std::move(after)));
+  }
+
+  static void begin(const std::vector<std::shared_ptr<RigPlayer>>& players, float frame) {
+    const auto frames = std::make_shared<RigFrames>(frame);
+    for (const auto& player : players) frames->add(player->played_, {});
+    frames->begin();
+    for (std::size_t i = 0; i < players.size(); ++i) players[i]->ahead_ = {frames, i};
+  }
+
+  static py::list moments(const std::vector<std::pair<std::shared_ptr<RigPlayer>, py::dict>>& rigs, float frame) {
+    const auto late = std::make_shared<RigFrames>(frame);
+    std::vector<Ahead> found;
+    for (const auto& [player, set] : rigs) {
+      const bool is_ahead = set.empty() && player->ahead_.frames && player->ahead_.frames->time() == frame;
+      found.push_back(is_ahead ? player->ahead_ : Ahead{late, late->size()});
+      if (!is_ahead) late->add(player->played_, set);
+    }
     {
       const py::gil_scoped_release release;
-      meanwhile_.wait();
+      run_parallel(late->size(), [&](std::size_t i) { late->compute(i); });
+      for (const Ahead& each : found) each.frames->wait();
     }
-    return records_.found();
+    py::list moments;
+    for (const auto& [frames, number] : found) moments.append(frames->moment(number));
+    return moments;
   }
 
  private:
-  Records records_;
-  Meanwhile meanwhile_;  // ends before them
+  struct Ahead {
+    std::shared_ptr<RigFrames> frames;
+    std::size_t number = 0;  // of the rig
+  };
+
+  explicit RigPlayer(std::shared_ptr<Played> played) : played_(std::move(played)) {}
+
+  std::shared_ptr<Played> played_;
+  Ahead ahead_;
 };
 
 py::dict py_profile(const RigProgram& program, const py::array& frames, const py::dict& set) {
@@ -454,29 +482,31 @@ void bind_rigs(py::module_& module) {
            "Returns what properties hold, (F, N) float32, all numbers of each path one after the other.\n\n"
            "frames: (F,) times.\n"
            "set: as in evaluate(), and so are the errors.")
-      .def(
-          "places", &py_places, py::arg("paths"),
-          "Returns where the numbers of paths are among all numbers of the rig, (P,) int32, for rig_records. It is the "
-          "same in a rig that `edited` returns. Raises ValueError for an unknown path.")
       .def("profile", &py_profile, py::arg("frames"), py::arg("set") = py::dict(),
            "Evaluates frames on one thread and returns the seconds that its parts took, all frames together: 'curves', "
            "'drivers', 'bones' with their constraints, 'ik' and 'segments' of B-bones.\n\n"
            "frames: (F,) times.\n"
            "set: as in evaluate(), and so are the errors.");
-  module.def(
-      "rig_records", &py_records, py::arg("rigs"), py::arg("fields"),
-      "Returns what Blender's evaluation would leave in the memory of the bones of several rigs, which are computed at "
-      "the same time.\n\n"
-      "rigs: of each (program, (F,) times, (P,) places of numbers, see RigProgram.places, and what evaluate() takes as "
-      "`set`). fields: (name, first, "
-      "count) of what a bone holds, in this order: 'channel_matrix', 'pose_matrix', 'head' and 'tail'; 'values' are "
-      "`count` of the bone's numbers from `first` on, in the order of rig_bone_settings().\n"
-      "Returns of each rig a tuple of its records, (F, N) uint8, and those numbers, (F, P) float32; or a "
-      "sentence if a driver divides by 0. A record is what host.record_pose returns, with the rig's dual quaternions.");
-  py::class_<RecordsAhead>(module, "RigRecordsAhead", "What rig_records returns, computed by other threads meanwhile.")
-      .def(py::init<const RigsOfPython&, const std::vector<FieldTuple>&>(), py::arg("rigs"), py::arg("fields"),
-           "Begins, and returns at once. Arguments and errors: see rig_records.")
-      .def("found", &RecordsAhead::found, "Waits for the threads, and returns what rig_records returns.");
+  py::class_<RigPlayer, std::shared_ptr<RigPlayer>>(
+      module, "RigPlayer", "Computes what Blender's evaluation of a frame would leave in the memory of a rig's bones.")
+      .def(py::init<const std::shared_ptr<RigProgram>&, const std::vector<std::vector<std::string>>&,
+                    const std::vector<FieldTuple>&>(),
+           py::arg("program"), py::arg("parts"), py::arg("fields"),
+           "parts: paths, of numbers that are returned too, in groups.\n"
+           "fields: (name, first, count) of what a bone holds, in this order: 'channel_matrix', 'pose_matrix', 'head' "
+           "and 'tail'; 'values' are `count` of the bone's numbers from `first` on, in the order of "
+           "rig_bone_settings(). Raises ValueError for a field or a path that the rig does not have.")
+      .def_property_readonly("program", &RigPlayer::program, "The RigProgram.")
+      .def("edited", &RigPlayer::edited, py::arg("set"), py::arg("curves"),
+           "Returns a player of what RigProgram.edited() returns, with its arguments and errors.")
+      .def_static("moments", &RigPlayer::moments, py::arg("rigs"), py::arg("frame"),
+                  "Returns a frame of several rigs, which are computed at the same time.\n\n"
+                  "rigs: of each (player, what RigProgram.evaluate() takes as `set`).\n"
+                  "Returns of each a list: its record, (N,) uint8, which is what host.record_pose returns, with the "
+                  "rig's dual quaternions; then of each part its numbers. Or a sentence if a driver divides by 0.")
+      .def_static("begin", &RigPlayer::begin, py::arg("players"), py::arg("frame"),
+                  "Has other threads compute a frame of several rigs, which moments() returns later if nothing is "
+                  "set. Each player keeps the last one that was begun.");
   module.def(
       "rig_bone_settings",
       [] {

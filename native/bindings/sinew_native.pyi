@@ -1696,10 +1696,6 @@ class RigProgram:
         frames: (F,) times.
         set: as in evaluate(), and so are the errors.
         """
-    def places(self, paths: list[str]) -> _Int32:
-        """Returns where the numbers of paths are among all numbers of the rig, (P,) int32, for rig_records. It is the
-        same in a rig that `edited` returns. Raises ValueError for an unknown path.
-        """
     def profile(self, frames: _Reals, set: dict[str, Any] = {}) -> dict[str, float]:
         """Evaluates frames on one thread and returns the seconds that its parts took, all frames together: 'curves',
         'drivers', 'bones' with their constraints, 'ik' and 'segments' of B-bones.
@@ -1708,28 +1704,33 @@ class RigProgram:
         set: as in evaluate(), and so are the errors.
         """
 
-def rig_records(
-    rigs: list[tuple[RigProgram, _Reals, _Integers, dict[str, Any]]], fields: list[tuple[str, int, int]]
-) -> list[tuple[_UInt8, _Float32] | str]:
-    """Returns what Blender's evaluation would leave in the memory of the bones of several rigs, which are computed at
-    the same time.
+class RigPlayer:
+    """Computes what Blender's evaluation of a frame would leave in the memory of a rig's bones."""
 
-    rigs: of each (program, (F,) times, (P,) places of numbers, see RigProgram.places, and what evaluate() takes as
-    `set`). fields: (name, first, count) of what a bone holds, in this order: 'channel_matrix', 'pose_matrix', 'head'
-    and 'tail'; 'values' are `count` of the bone's numbers from `first` on, in the order of rig_bone_settings().
-    Returns of each rig a tuple of its records, (F, N) uint8, and those numbers, (F, P) float32; or a sentence if a
-    driver divides by 0. A record is what host.record_pose returns, with the rig's dual quaternions.
-    """
+    def __init__(self, program: RigProgram, parts: list[list[str]], fields: list[tuple[str, int, int]]) -> None:
+        """parts: paths, of numbers that are returned too, in groups.
+        fields: (name, first, count) of what a bone holds, in this order: 'channel_matrix', 'pose_matrix', 'head' and
+        'tail'; 'values' are `count` of the bone's numbers from `first` on, in the order of rig_bone_settings(). Raises
+        ValueError for a field or a path that the rig does not have.
+        """
+    @property
+    def program(self) -> RigProgram:
+        """The RigProgram."""
+    def edited(self, set: dict[str, Any], curves: list[dict[str, Any]]) -> RigPlayer:
+        """Returns a player of what RigProgram.edited() returns, with its arguments and errors."""
+    @staticmethod
+    def moments(rigs: list[tuple[RigPlayer, dict[str, Any]]], frame: float) -> list[list[Any] | str]:
+        """Returns a frame of several rigs, which are computed at the same time.
 
-class RigRecordsAhead:
-    """What rig_records returns, computed by other threads meanwhile."""
-
-    def __init__(
-        self, rigs: list[tuple[RigProgram, _Reals, _Integers, dict[str, Any]]], fields: list[tuple[str, int, int]]
-    ) -> None:
-        """Begins, and returns at once. Arguments and errors: see rig_records."""
-    def found(self) -> list[tuple[_UInt8, _Float32] | str]:
-        """Waits for the threads, and returns what rig_records returns."""
+        rigs: of each (player, what RigProgram.evaluate() takes as `set`).
+        Returns of each a list: its record, (N,) uint8, which is what host.record_pose returns, with the rig's dual
+        quaternions; then of each part its numbers. Or a sentence if a driver divides by 0.
+        """
+    @staticmethod
+    def begin(players: list[RigPlayer], frame: float) -> None:
+        """Has other threads compute a frame of several rigs, which moments() returns later if nothing is set. Each
+        player keeps the last one that was begun.
+        """
 
 def rig_bone_settings() -> list[tuple[str, int]]:
     """The numbers of a bone that may change: name and how many. Those of the pose come first; a name that occurs again

@@ -420,14 +420,20 @@ def test_what_is_read_again_after_an_edit_is_compared_with_the_edit(cast, misrea
 @pytest.fixture
 def computed_now(monkeypatch):
     """The times that were computed when they were needed, not ahead."""
-    native, found = addon_module("native").sinew_native, []
-    known = native.rig_records
+    native, found, begun = addon_module("native").sinew_native, [], {}
 
-    def rig_records(asked, fields):
-        found.extend(float(time) for _program, times, *_ in asked for time in times)
-        return known(asked, fields)
+    class Player(native.RigPlayer):
+        @staticmethod
+        def begin(players, frame):
+            begun.update(dict.fromkeys(map(id, players), frame))
+            native.RigPlayer.begin(players, frame)
 
-    monkeypatch.setattr(addon_module("played.computing"), "sinew_native", Stand(native, rig_records=rig_records))
+        @staticmethod
+        def moments(asked, frame):
+            found.extend(frame for player, _given in asked if begun.get(id(player)) != frame)
+            return native.RigPlayer.moments(asked, frame)
+
+    monkeypatch.setattr(addon_module("played.computing"), "sinew_native", Stand(native, RigPlayer=Player))
     return found
 
 
@@ -856,7 +862,7 @@ def test_onion_skins(cast):
     select(cast.played[0])
     bpy.ops.object.sinew_onion_skins()
     cast.play()
-    assert len(cast.rig.motion.record) == 0 and not cast.rig.motion.skins.lacks(4, cast.rig.source.program)
+    assert len(cast.rig.motion.record) == 0 and not cast.rig.motion.skins.lacks(4, cast.rig.source.player)
     bpy.ops.object.sinew_onion_skins()
 
 

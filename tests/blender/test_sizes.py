@@ -4,6 +4,7 @@ each other. The tests count how often things are asked, and stop what asks too o
 import functools
 import itertools
 from contextlib import ExitStack, contextmanager
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -118,7 +119,7 @@ def test_each_of_many_leaders_is_asked_for_keyframes_once(fresh_scene):
             constrain(ob, "bone", "COPY_ROTATION", target=leader, subtarget="bone")
     graph, known = depsgraph(), [rigs.learn(ob) for ob in own]
     for i, rig in enumerate(known):
-        rig.source.program = object()
+        rig.source.player = SimpleNamespace(program=object())
         rig.source.leaders = tuple(addon_module("played.leading").Leader(each, None, {}, {}) for each in known[:i])
     with at_most(LINKS, rigs, "evaluated_copy"), at_most(0, addon_module("blender.dependencies"), "outside_of"):
         assert rigs.is_without_keys(known[-1], graph)

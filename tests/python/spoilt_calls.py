@@ -185,7 +185,8 @@ def more_calls(folder):
     """What valid() of test_hostile_input has not, in the same form: {name: (function, arguments)}."""
     program = sinew.RigProgram({"blender": 502, "bones": [BONE], "values": [{"name": "lamp", "value": 1}]})
     skin = sinew.Skin.from_dense(POINTS, np.array([[1, 0], [0.5, 0.5], [0.25, 0.75], [0, 1.0]]))
-    rigs = {"rigs": [(program, FRAMES, np.array([0]), {"lamp": 2.0})] * 2, "fields": FIELDS}
+    player = {"program": program, "parts": [["lamp"], ['pose.bones["Arm"].location']], "fields": FIELDS}
+    players = [sinew.RigPlayer(**player) for _ in range(2)]
     rig = sinew.Rig(**valid()["Rig.__init__"][1])
     sinew.write_rig(folder, rig)
     clip = sinew.BvhClip(**valid()["BvhClip.__init__"][1])
@@ -197,15 +198,18 @@ def more_calls(folder):
             sinew.skin_all,
             {"jobs": [(skin, MATRICES[0], np.empty((4, 3), np.float32), "dual_quaternion", "polar", None, None)]},
         ),
-        "rig_records": (sinew.rig_records, rigs),
-        "RigRecordsAhead.__init__": (lambda **given: sinew.RigRecordsAhead(**given).found(), rigs),
-        "RigRecordsAhead.found": (sinew.RigRecordsAhead.found, {"self": sinew.RigRecordsAhead(**rigs)}),
+        "RigPlayer.__init__": (sinew.RigPlayer, player),
+        "RigPlayer.edited": (sinew.RigPlayer(known, [], FIELDS).edited, {"set": {}, "curves": [curve]}),
+        "RigPlayer.moments": (
+            sinew.RigPlayer.moments,
+            {"rigs": [(each, {"lamp": 2.0}) for each in players], "frame": 2.5},
+        ),
+        "RigPlayer.begin": (sinew.RigPlayer.begin, {"players": players, "frame": 2.5}),
         "RigProgram.__init__": (
             sinew.RigProgram,
             {"description": {"blender": 502, "bones": [BONE], "curves": [curve]}},
         ),
         "RigProgram.edited": (known.edited, {"set": {'pose.bones["Arm"].scale': [1, 2, 3.0]}, "curves": [curve]}),
-        "RigProgram.places": (program.places, {"paths": ["lamp", 'pose.bones["Arm"].location']}),
         "PoseClip.sample": (sinew.PoseClip(np.tile(np.eye(4)[:1], (2, 2, 1))).sample, {"time": 0.5}),
         "MixedLayers.__init__": (sinew.MixedLayers, {"layers": [sinew.Layer(skin, "linear")]}),
         "write_dmat": (sinew.write_dmat, {"path": folder / "own.dmat", "array": POINTS, "binary": True}),

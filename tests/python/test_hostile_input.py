@@ -271,7 +271,7 @@ def call_with(name, argument):
 
 
 # What needs no numbers of its own, files, and lists of arrays, which have tests of their own.
-ELSEWHERE = {"write_dmat", "skin_all", "rig_records", "RigRecordsAhead.__init__"}
+ELSEWHERE = {"write_dmat", "skin_all"}
 # What messages call an argument, if it is none of the words of its name.
 OTHER_WORDS = {
     "rotations": ("quaternion",),
@@ -758,12 +758,13 @@ def unmade(cls):
         lambda layer, program: sinew.Deformer([layer]),
         lambda layer, program: sinew.MixedLayers([layer]),
         lambda layer, program: sinew.MixedLayers((layer,)),
-        lambda layer, program: sinew.rig_records([(program, FRAMES, np.zeros(0, int), {})], []),
-        lambda layer, program: sinew.RigRecordsAhead([(program, FRAMES, np.zeros(0, int), {})], []),
+        lambda layer, program: sinew.RigPlayer(program, [], []),
+        lambda layer, program: sinew.RigPlayer.moments([(program, {})], 1),
+        lambda layer, program: sinew.RigPlayer.begin([program], 1),
         lambda layer, program: sinew.RigProgram.evaluate(program, FRAMES),
         lambda layer, program: sinew.RigProgram.names.fget(program),
         lambda layer, program: sinew.Layer.vertex_count.fget(layer),
-        lambda layer, program: sinew.RigRecordsAhead.found(None if program is None else unmade(sinew.RigRecordsAhead)),
+        lambda layer, program: sinew.RigPlayer.begin([None if program is None else unmade(sinew.RigPlayer)], 1),
     ],
 )
 def test_neither_none_nor_an_unmade_object_is_an_object(call, kind):

@@ -594,7 +594,6 @@ def test_mistakes_of_a_call(rig):
         program.evaluate(np.zeros((1, 1)))
 
 
-NONE = np.zeros(0, np.int32)
 FIELDS = [("pose_matrix", 0, 0), ("tail", 0, 0), ("values", 0, 3), ("channel_matrix", 0, 0), ("head", 0, 0)]
 
 
@@ -602,8 +601,10 @@ def test_records_hold_what_blender_keeps_of_each_bone(rig):
     rig["bones"][1]["matrix_local"][:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]  # a quarter turn
     rig["bones"][0]["bbone_segments"] = 3
     program, frames = sinew.RigProgram(rig), np.array([0, 5, 7.5])
-    ((records, values),) = sinew.rig_records([(program, frames, program.places(['["share"]']), {})], FIELDS)
-    assert values.tolist() == [[0.5]] * 3
+    player = sinew.RigPlayer(program, [['["share"]'], []], FIELDS)
+    moments = [sinew.RigPlayer.moments([(player, {})], frame)[0] for frame in frames]
+    assert [numbers for _record, *numbers in moments] == [[(0.5,), ()]] * 3
+    records = np.array([record for record, *_numbers in moments])
     poses, segments = program.evaluate(frames), program.segments(frames)
     heads = records[:, :12].copy().view(np.int32)
     assert heads.tolist() == [[2, 3, 0]] * 3
@@ -632,70 +633,68 @@ def test_records_hold_what_blender_keeps_of_each_bone(rig):
 
 def test_bones_that_do_not_deform_have_no_dual_quaternion(rig):
     rig["bones"][1]["use_deform"] = False
-    ((records, _values),) = sinew.rig_records([(sinew.RigProgram(rig), np.array([5]), NONE, {})], [("head", 0, 0)])
-    first, second = records[0, 12:].copy().view(np.float32).reshape(2, 3 + 25)
+    player = sinew.RigPlayer(sinew.RigProgram(rig), [], [("head", 0, 0)])
+    ((record,),) = sinew.RigPlayer.moments([(player, {})], 5)
+    first, second = record[12:].copy().view(np.float32).reshape(2, 3 + 25)
     assert first[3] == 1 and not second[3:].any() and second[:3].any()
 
 
-def test_records_of_several_rigs(rig):
+def players_of(*rigs, parts=()):
+    return [sinew.RigPlayer(sinew.RigProgram(rig), list(parts), FIELDS) for rig in rigs]
+
+
+def of_no_number(rig):
     other = copy.deepcopy(rig)
     other["drivers"][0]["expression"] = "share / 0"
-    rigs = [(sinew.RigProgram(each), np.array([1, 2]), NONE, {}) for each in (rig, other)]
-    (records, values), error = sinew.rig_records(rigs, FIELDS)
-    assert records.shape[0] == 2 and values.shape == (2, 0)
-    assert "divides by 0" in error
+    return other
 
 
-def test_records_of_what_comes_from_outside(rig):
-    program, frames = sinew.RigProgram(rig), np.array([1, 2])
-    lamp = program.places(["lamp"])
-    given = {"lamp": np.array([3, 4], np.float32)}
-    (_records, values), (_others, known) = sinew.rig_records(
-        [(program, frames, lamp, given), (program, frames, lamp, {})], FIELDS
-    )
-    assert values.tolist() == [[3], [4]] and known.tolist() == [[2], [2]]
-    assert (_records != _others).any()
-    with pytest.raises(ValueError, match=r"lamp has shape \(3,\); expected \(\) or \(2,\)"):
-        sinew.rig_records([(program, frames, NONE, {"lamp": np.ones(3)})], FIELDS)
+def test_moments_of_several_rigs(rig):
+    (record,), error = sinew.RigPlayer.moments([(each, {}) for each in players_of(rig, of_no_number(rig))], 1)
+    assert record.ndim == 1 and "divides by 0" in error
 
 
-def test_records_computed_ahead_are_the_same(rig):
-    other = copy.deepcopy(rig)
-    other["drivers"][0]["expression"] = "share / 0"
-    programs = [sinew.RigProgram(each) for each in (rig, other)]
-    rigs = [(each, np.array([frame]), each.places(['["share"]']), {}) for frame in (1, 2.5) for each in programs]
-    wanted = sinew.rig_records(rigs, FIELDS)
-    for _ in range(20):
-        ahead = sinew.RigRecordsAhead(rigs, FIELDS)
-        for _ in range(2):
-            for found, each in zip(ahead.found(), wanted, strict=True):
-                assert type(found) is type(each)
-                assert found == each if isinstance(each, str) else all(map(np.array_equal, found, each))
-    del rigs
-    sinew.RigRecordsAhead([(sinew.RigProgram(rig), np.arange(2000.0), NONE, {})], FIELDS)  # nobody asks for them
-    with pytest.raises(ValueError, match="a field"):
-        sinew.RigRecordsAhead([(sinew.RigProgram(rig), np.array([1]), NONE, {})], [("pose", 0, 0)])
+def test_moments_of_what_comes_from_outside(rig):
+    (player,) = players_of(rig, parts=[["lamp"]])
+    (record, given), (other, known) = sinew.RigPlayer.moments([(player, {"lamp": 3}), (player, {})], 1)
+    assert given == (3,) and known == (2,) and (record != other).any()
+    with pytest.raises(ValueError, match=r"lamp has shape \(3,\); expected \(\) or \(1,\)"):
+        sinew.RigPlayer.moments([(player, {"lamp": np.ones(3)})], 1)
+
+
+def test_moments_computed_ahead_are_the_same(rig):
+    players = players_of(rig, of_no_number(rig), rig, parts=[['["share"]']])
+    asked = [(each, {}) for each in players]
+    for frame in (1, 2.5) * 10:
+        known = sinew.RigPlayer.moments(asked, frame)  # what was begun is another frame
+        sinew.RigPlayer.begin(players, frame)
+        first, again = (sinew.RigPlayer.moments(asked, frame) for _ in range(2))
+        for own, found, wanted, other in zip((True, False, True), first, known, again, strict=True):
+            if own:
+                assert found[0] is other[0] is not wanted[0] and (found[0] == wanted[0]).all()
+                assert found[1:] == wanted[1:] == [(0.5,)]
+            else:
+                assert found == wanted == other and "divides by 0" in found
+    (given,) = sinew.RigPlayer.moments([(players[0], {"lamp": 3})], 2.5)
+    assert (given[0] != first[0][0]).any(), "what is set was not known ahead"
+    sinew.RigPlayer.begin(players * 500, 3)  # nobody asks for them
+
+
+def test_an_edit_knows_nothing_ahead(rig):
+    (player,) = players_of(rig, parts=[['["share"]'], ["lamp"]])
+    sinew.RigPlayer.begin([player], 1)
+    edited = player.edited({"lamp": 7}, [])
+    ((_record, *numbers),) = sinew.RigPlayer.moments([(edited, {})], 1)
+    assert numbers == [(0.5,), (7,)] and edited.program is edited.program is not player.program
+    assert edited.program.values(np.ones(1), ["lamp"]) == 7
 
 
 @pytest.mark.parametrize("field", [("pose", 0, 0), ("values", -1, 3), ("values", 0, 0), ("values", 60, 2**31 - 1)])
 def test_unknown_fields(rig, field):
     with pytest.raises(ValueError, match="a field"):
-        sinew.rig_records([(sinew.RigProgram(rig), np.array([1]), NONE, {})], [field])
+        sinew.RigPlayer(sinew.RigProgram(rig), [], [field])
 
 
-def test_places_that_are_not_there(rig):
-    program = sinew.RigProgram(rig)
-    assert program.places([]).tolist() == []
+def test_numbers_that_are_not_there(rig):
     with pytest.raises(ValueError, match="the rig has no property gone"):
-        program.places(["gone"])
-    for place in (-1, 10**6):
-        with pytest.raises(
-            ValueError, match=f"place {place} is asked for; the rig has .* numbers, see RigProgram.places"
-        ):
-            sinew.rig_records([(program, np.array([1]), np.array([place]), {})], FIELDS)
-
-
-@pytest.mark.parametrize("frames", [np.array(["a"]), np.ones((2, 2)), np.array([1j]), np.array([None])])
-def test_records_of_frames_that_are_no_numbers(rig, frames):
-    with pytest.raises(ValueError, match="frames"):
-        sinew.rig_records([(sinew.RigProgram(rig), frames, NONE, {})], FIELDS)
+        players_of(rig, parts=[["lamp"], ["gone"]])

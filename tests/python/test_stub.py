@@ -157,7 +157,7 @@ def samples():
         "BvhClip": sinew.BvhClip(["a"], np.array([-1]), points, 0.1, points[None], np.ones((1, 1, 4))),
         "Rig": rig,
         "RigProgram": sinew.RigProgram({"blender": 502}),
-        "RigRecordsAhead": sinew.RigRecordsAhead([], []),
+        "RigPlayer": sinew.RigPlayer(sinew.RigProgram({"blender": 502}), [], []),
         "Skin": skin,
         "Layer": layer,
         "ShapeKeys": keys,

@@ -1,6 +1,7 @@
 """Values of shape keys that a rig drives, as if they were properties of the rig."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
+from itertools import chain, count
 from typing import Any
 
 import bpy
@@ -11,18 +12,18 @@ from . import curves, driver_rows, targets
 Keyed = tuple[bpy.types.Key, tuple[int, ...]]  # numbers of its keys
 
 
-def path_of(number: int) -> str:
-    """Returns the path of a value in the description. number: among all of them."""
-    return f"key_values[{number}]"
+def paths_of(keyed: Sequence[Keyed]) -> list[list[str]]:
+    """Returns of each data-block the paths of its values in the description."""
+    number = count()
+    return [[f"key_values[{next(number)}]" for _ in numbers] for _keys, numbers in keyed]
 
 
 def rows_of(
-    keyed: Iterable[Keyed], found: targets.Targets, outside: driver_rows.Outside
+    keyed: Sequence[Keyed], found: targets.Targets, outside: driver_rows.Outside
 ) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
     """Yields the property and the driver of each value. What cannot be said is added to `found.refused`."""
     chosen = [(keys, keys.key_blocks[i]) for keys, numbers in keyed for i in numbers]
-    for number, (keys, key) in enumerate(chosen):
-        path = path_of(number)
+    for path, (keys, key) in zip(chain(*paths_of(keyed)), chosen):
         limits = {"min": key.slider_min, "max": key.slider_max}
         curve = keys.animation_data.drivers.find(key.path_from_id("value"))
         try:

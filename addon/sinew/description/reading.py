@@ -2,7 +2,7 @@
 
 import contextlib
 import gc
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,7 +78,7 @@ def is_moved_by_keyframes(ob: bpy.types.Object) -> bool:
 def read(
     ob: bpy.types.Object,
     depsgraph: bpy.types.Depsgraph | None = None,
-    keyed: Iterable[driven_keys.Keyed] = (),
+    keyed: Sequence[driven_keys.Keyed] = (),
     seen: bpy.types.Object | None = None,
     may_move: bool = False,
 ) -> Reading:

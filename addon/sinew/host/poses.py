@@ -163,7 +163,7 @@ def _layout() -> Any:
 
 @contract.kept
 def fields() -> list[tuple[str, int, int]]:
-    """Returns what a record holds of each bone, in order, as sinew_native.rig_records takes it."""
+    """Returns what a record holds of each bone, in order, as sinew_native.RigPlayer takes it."""
     places: dict[str, int] = {}
     first = 0
     for name, count in sinew_native.rig_bone_settings():

@@ -5,7 +5,6 @@ is used once it has computed exactly what Blender shows on a frame. If it ever d
 instead."""
 
 import contextlib
-import itertools
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -91,50 +90,21 @@ def may_be_unkeyed(block: bpy.types.ID, frame: float) -> bool:
     return not known.issuperset(rna_paths.normalised(curve.data_path) for curve in own)
 
 
-_Asked = tuple[rigs.Rig, float, dict[str, Any]]  # an armature, a frame, and what comes from outside on it
+_last, _step = 0.0, 0.0  # the last frame that was shown, and how far it was from the one before
 
 
-class _Ahead:
-    """The next frame, computed by other threads while Blender evaluates and draws the last one. It holds for as long as
-    the programs do, which die with each edit."""
-
-    def __init__(self) -> None:
-        self._frame, self._step = 0.0, 0.0  # the last one, and how far it was from the one before
-        self._programs: dict[int, Any] = {}  # by the key of the armature
-        self._records: Any = None  # sinew_native.RigRecordsAhead of these
-        self._next: float | None = None
-
-    def begin(self, own: Iterable[rigs.Rig], frame: float) -> None:
-        """Begins with the frame that comes after this one, if that is as far as it was from the one before."""
-        step, before = frame - self._frame, self._step
-        if step == 0:
-            return
-        self._frame, self._step = frame, step
-        if step != before:
-            return
-        self.forget()
+def look_ahead(own: Iterable[rigs.Rig], frame: float) -> None:
+    """Has other threads compute the frame after this one, while Blender evaluates and draws this one, if that is as far
+    as it was from the one before. What they compute is lost with the program, which dies with each edit."""
+    global _last, _step
+    step, before = frame - _last, _step
+    if step == 0:
+        return
+    _last, _step = frame, step
+    if step == before:
         able = [rig for rig in own if rig.source.is_proven and rig.at(frame + step) is None]
         able = [rig for rig in able if not rig.source.leaders]  # which wait for what others have there
-        if able:
-            self._next = frame + step
-            self._programs = {rig.key: rig.source.program for rig in able}
-            self._records = sinew_native.RigRecordsAhead(*_asked([(rig, self._next, {}) for rig in able]))
-
-    def found(self, asked: Sequence[_Asked]) -> list[Any] | None:
-        """Returns what `rig_records` returns of these armatures on their frames, if that was computed ahead."""
-        if self._records is None or any(frame != self._next for _rig, frame, _given in asked):
-            return None
-        if any(self._programs.get(rig.key) is not rig.source.program for rig, *_ in asked):
-            return None
-        by_key = dict(zip(self._programs, self._records.found()))
-        return [by_key[rig.key] for rig, *_ in asked]
-
-    def forget(self) -> None:
-        self._programs, self._records, self._next = {}, None, None
-
-
-_ahead = _Ahead()
-look_ahead, forget = _ahead.begin, _ahead.forget
+        sinew_native.RigPlayer.begin([rig.source.player for rig in able], frame + step)
 
 
 def fill(own: Iterable[rigs.Rig], frame: float) -> None:
@@ -164,6 +134,7 @@ class _Last(NamedTuple):
 
     source: Source
     known: edits.Known
+    counts: list[int]  # of the shape keys that followed it, see _counts
     keys: Keys | None  # of its own action
     watch: watch.Watch
 
@@ -173,7 +144,11 @@ def _remember(rig: rigs.Rig, read: reading.Reading, source: Source, graph: Any) 
     is_compared = has_keys == rigs.has_animation(rig.ob) or strips.play(rig.ob)
     if rig.motion.watch is not None and is_compared and not rig.motion.has_edited_keys:
         known = edits.Known(rig.ob, read, graph, _seen(rig, graph))
-        rig.motion.last = _Last(source, known, rig.motion.keys, rig.motion.watch)
+        rig.motion.last = _Last(source, known, _counts(rig, graph), rig.motion.keys, rig.motion.watch)
+
+
+def _counts(rig: rigs.Rig, graph: Any) -> list[int]:
+    return [len(numbers) for _keys, numbers in rigs.keyed(rig, graph)]
 
 
 def _seen(rig: rigs.Rig, graph: Any) -> Any:
@@ -196,7 +171,7 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
     needed = [*last.watch.blocks, *(keys for keys, _numbers in rig.followers.keyed), *([action] if last.keys else [])]
     if not all(map(rigs.is_alive, needed)):
         return False
-    if last.source.counts != tuple(len(numbers) for _keys, numbers in rigs.keyed(rig, graph)):
+    if last.counts != _counts(rig, graph):
         return False
     unseen = rigs.unseen_actions(rig, graph)
     new = rig.motion.watch or watch.Watch(rig.ob, last.watch.blocks, action, rig.followers.keyed, graph, unseen)
@@ -215,14 +190,14 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
         edit = last.known.edit(rig.ob, graph, edited, _seen(rig, graph))
         if edit is None:
             return False
-        program = last.source.program.edited(*edit)
+        player = last.source.player.edited(*edit)
         leaders = leading.leaders_of(rig.ob, last.known.targets, last.known.outside, graph)
     except (ValueError, KeyError, ReferenceError):
         return False
     compared = set() if any(edit) else last.source.compared
     rig.source = replace(
         last.source,
-        program=program,
+        player=player,
         leaders=leaders,
         data=_data_of(last.known.outside, last.known.from_outside()),
         is_proven=False,
@@ -231,7 +206,7 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
         is_compared=False,
     )
     rig.motion.watch, rig.motion.keys, rig.motion.has_edited_keys = new, keys, False
-    rig.motion.last = _Last(rig.source, last.known, keys, new)
+    rig.motion.last = last._replace(source=rig.source, keys=keys, watch=new)
     return True
 
 
@@ -276,27 +251,22 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         place = families.place_of(rig.ob) if read.targets.moves else ()
         leaders = leading.leaders_of(rig.ob, read.targets, read.outside, graph)
         program = sinew_native.RigProgram(read.description, keep_description=False)
-        counts = tuple(len(numbers) for _keys, numbers in keyed)
         own, is_posable = settings.of(rig.ob, read.description)
-        wanted = [*map(driven_keys.path_of, range(sum(counts))), *(setting.path for setting in own)]
-        wanted += [*_paths_of(place), *read.outside.computed]
+        parts = [
+            *driven_keys.paths_of(keyed),
+            [setting.path for setting in own],
+            _paths_of(place),
+            list(read.outside.computed),
+        ]
+        player = sinew_native.RigPlayer(program, parts, poses.fields())
         moving = [each for each in read.targets.moving.values() if each != rig.ob]
         if moving:  # but not the parents of the armature's object alone
             followed = dependencies.with_parents(dependencies.outside_of(rig.ob))
             moving = [each for each in moving if each in followed]
         keyed_objects = [each.block for each in read.outside.keyed.values() if isinstance(each.block, bpy.types.Object)]
         moving += followers.moving(rig.ob, (*read.targets.splines.values(), *keyed_objects))
-        source = Source(
-            program,
-            program.places(wanted),
-            counts,
-            tuple(own),
-            place,
-            leaders,
-            tuple(moving),
-            data=_data_of(read.outside, {row["name"]: row["value"] for row in read.description["values"]}),
-            is_posable=is_posable,
-        )
+        data = _data_of(read.outside, {row["name"]: row["value"] for row in read.description["values"]})
+        source = Source(player, tuple(own), place, leaders, tuple(moving), data=data, is_posable=is_posable)
     except ValueError as reason:
         return Source(refusal=_in_words(str(reason)))
     _remember(rig, read, source, graph)
@@ -326,32 +296,19 @@ def _in_words(reason: str) -> str:
     )
 
 
-def _asked(asked: Sequence[_Asked]) -> tuple[list[Any], Any]:
-    """Returns the arguments of `rig_records`."""
-    return [
-        (rig.source.program, np.array([frame], np.float32), rig.source.places, given) for rig, frame, given in asked
-    ], poses.fields()
-
-
 def _moments(own: Sequence[rigs.Rig], frame: float) -> list[rigs.Moment | None]:
     """Returns the moment of each armature on a frame; None for those without a program, or that follow one without
     it."""
-    able: list[_Asked] = []
+    able, asked, found = [], [], {}
     for rig in own:
-        if rig.source.program is not None:
+        if rig.source.player is not None:
             with contextlib.suppress(leading.Unknown):
-                able.append((rig, frame, leading.inputs(rig, [frame])))
-    found: dict[int, rigs.Moment] = {}
-    results = _ahead.found(able) if able else []
-    for (rig, *_), result in zip(able, sinew_native.rig_records(*_asked(able)) if results is None else results):
+                asked.append((rig.source.player, leading.inputs(rig, [frame])))
+                able.append(rig)
+    for rig, result in zip(able, sinew_native.RigPlayer.moments(asked, frame)):
         if isinstance(result, str):
             rig.source = Source(refusal=result)
-            continue
-        (record,), (numbers,) = result[0], result[1].tolist()
-        ends = list(itertools.accumulate(rig.source.counts, initial=0))
-        values = tuple(tuple(numbers[a:b]) for a, b in itertools.pairwise(ends))
-        first = ends[-1] + len(rig.source.settings)
-        last = len(numbers) - len(rig.source.data.computed)
-        spans = (ends[-1], first), (first, last), (last, None)
-        found[rig.key] = rigs.Moment(record, values, *(tuple(numbers[start:end]) for start, end in spans))
+        else:
+            record, *keys, own_settings, place, data = result
+            found[rig.key] = rigs.Moment(record, tuple(keys), own_settings, place, data)
     return [found.get(rig.key) for rig in own]

@@ -6,6 +6,7 @@ import platform
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain
 from types import MappingProxyType
 from typing import Any
 
@@ -78,7 +79,7 @@ def report(rig: rigs.Rig, graph: Any) -> dict[str, Any]:
     keyed, found = rigs.keyed(rig, graph), rig.trust.difference
     return {
         "description": reading.read(rig.ob, graph, keyed, may_move=True).description,
-        "driven keys": list(map(driven_keys.path_of, range(sum(len(numbers) for _keys, numbers in keyed)))),
+        "driven keys": list(chain(*driven_keys.paths_of(keyed))),
         "frame": found.frame,
         "given": {path: np.asarray(value).tolist() for path, value in found.given.items()},
         "blender": found.blender.tolist(),

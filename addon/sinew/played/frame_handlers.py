@@ -10,7 +10,7 @@ from bpy.app.handlers import persistent
 from ..feedback import notice
 from ..host import contract, evaluations, relations
 from ..main import callbacks
-from . import accelerating, computing, playing, rigs, states
+from . import accelerating, playing, rigs, states
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to take over again what is to be played
@@ -81,7 +81,6 @@ def after_load(*_: Any) -> None:
     global _frames
     _frames = 0
     rigs.forget()
-    computing.forget()
     accelerating.forget()
 
 
@@ -168,5 +167,4 @@ def unregister() -> None:
     callbacks.remove((*HANDLERS, *LAST_HANDLERS))
     states.melt_all()
     rigs.forget()
-    computing.forget()
     relations.release()

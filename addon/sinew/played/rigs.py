@@ -46,9 +46,7 @@ class Data(NamedTuple):
 class Source:
     """What the moments of one armature are computed from, see computing.py."""
 
-    program: Any = None  # sinew_native.RigProgram
-    places: Any = None  # of the numbers that it computes besides: values of shape keys, then settings
-    counts: tuple[int, ...] = ()  # how many of them each data-block of shape keys has
+    player: Any = None  # sinew_native.RigPlayer, whose numbers are those of a Moment
     settings: tuple[Setting, ...] = ()  # that keyframes and drivers set besides
     # If it moves as a whole: its parents and itself, each with the numbers of its place that keyframes set.
     place: tuple[tuple[Any, tuple[Channel, ...]], ...] = ()
@@ -64,6 +62,11 @@ class Source:
     # What a frame takes here, and in Blender: medians over the same frames; 0: not measured.
     milliseconds: float = 0.0
     blender_milliseconds: float = 0.0
+
+    @property
+    def program(self) -> Any:
+        """A sinew_native.RigProgram, or None."""
+        return self.player and self.player.program
 
     @property
     def hangs(self) -> bool:
@@ -205,7 +208,7 @@ class Rig:
         """Returns an object that lives, and stays the same, as long as the pose of that frame does; None if the pose is
         not known."""
         if self.source.is_proven:
-            return self.source.program
+            return self.source.player
         moment = self.motion.record.at(frame)
         return None if moment is None else moment.pose
 
