@@ -11,8 +11,8 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Vector
 
 sys.path.insert(0, str(Path(__file__).parent))
+import rigify_characters
 from helpers import ROOT, addon_module, select
-from test_rigs_as_programs import HUMAN, rigify
 from windowed import area, in_area, middle_of, open_sidebar, outside, picture, region, run, screen, until
 
 MOST_ACTS = 5
@@ -63,7 +63,7 @@ def steps():
 
 def character():
     """Returns a body of 8,000 vertices and Rigify's human, by keyframes, that moves it."""
-    rig = rigify(HUMAN)
+    rig = rigify_characters.character(rigify_characters.HUMAN)
     for frame in (1, 20):
         torso = rig.pose.bones["torso"]
         torso.location.z = 0.01 * frame

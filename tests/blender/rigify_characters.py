@@ -6,6 +6,8 @@ import addon_utils
 import bpy
 import pytest
 
+HUMAN = "armature_human_metarig_add"
+
 
 def enable_rigify():
     if addon_utils.enable("rigify", default_set=True) is None:

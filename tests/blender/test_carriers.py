@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from helpers import addon_module
-from test_rigs_as_programs import HUMAN, rigify
+from rigify_characters import HUMAN, character
 
 CONTROLS = {  # of Rigify's human, by the deforming bone that each turns
     "DEF-spine.002": "chest",
@@ -48,7 +48,7 @@ def moved_by(ob, control):
 
 
 def test_rigifys_bones_carry_what_their_controls_move(fresh_scene):
-    ob = rigify(HUMAN)
+    ob = character(HUMAN)
     for bone in ob.pose.bones:
         if "IK_FK" in bone:
             bone["IK_FK"] = 1.0

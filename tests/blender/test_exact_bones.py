@@ -622,7 +622,7 @@ REQUIRED = {"Hips", "Spine", "Head"} | {
 
 
 def test_names_for_rigifys_human(fresh_scene):
-    human = rigify_characters.character("armature_human_metarig_add")
+    human = rigify_characters.character(rigify_characters.HUMAN)
     bpy.ops.object.mode_set(mode="OBJECT")
     parents = {}
     for engine in ("unreal", "unity"):
