@@ -23,6 +23,7 @@ import edge_rigs
 import random_rigs
 import random_strips
 from helpers import addon_module
+from test_follow_path import follow, key_time, train
 from test_spline_ik import tentacle
 
 SEEDS = (44, 6, 1)
@@ -92,6 +93,15 @@ def with_strips():
     return ob
 
 
+def on_a_path():
+    """A chain of bones, one of which follows a curve in time."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    armature, curve = train("written")
+    key_time(curve)
+    follow(armature, "Chain1", curve, use_curve_follow=True, forward_axis="FORWARD_Y", up_axis="UP_Z")
+    return armature
+
+
 def new_armature():
     """Returns an armature of two bones in a file of its own."""
     bpy.ops.wm.read_homefile(use_empty=True)
@@ -108,6 +118,7 @@ def new_armature():
 
 rigs = [made(random_rig(seed), shortened) for seed in SEEDS]
 rigs.append(made(tentacle("written", count=3, xz_scale_mode="VOLUME_PRESERVE")[0], lambda description: description))
+rigs.append(made(on_a_path(), lambda description: description))
 rigs.append(made(with_strips(), lambda description: description))
 for edge in (edge_rigs.bent, edge_rigs.bent_and_mapped_along_its_curve):
     rigs.append(made(edge_rigs.made(edge), lambda description: description))
