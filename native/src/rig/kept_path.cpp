@@ -1,7 +1,15 @@
 #include "rig/kept_path.h"
 
+#include <cstring>
+
 namespace sinew::rig {
 namespace {
+
+/// Whether these are the same to the bit, as zeros of two signs are not. kept: empty, or as many.
+template <typename T>
+bool is_kept(const std::vector<T>& kept, const std::vector<T>& now) {
+  return !kept.empty() && std::memcmp(kept.data(), now.data(), now.size() * sizeof(T)) == 0;
+}
 
 /// Adds how far each key is from what it is relative to.
 void add_keys(const Spline& spline, State& state) {
@@ -48,7 +56,7 @@ SplinePath& path_of(const Program& program, State& state, int number) {
   kept.pass = state.pass;
   const Spline& spline = program.splines[number];
   move_points(state, spline);
-  if (!kept.points.empty() && kept.points == state.spline_points && kept.radii == state.spline_radii) return kept.path;
+  if (is_kept(kept.points, state.spline_points) && is_kept(kept.radii, state.spline_radii)) return kept.path;
   kept.points.assign(state.spline_points.begin(), state.spline_points.end());
   kept.radii.assign(state.spline_radii.begin(), state.spline_radii.end());
   kept.path.build(spline, kept.points, kept.radii.data());
