@@ -59,6 +59,13 @@ def accelerate(cast):
     assert cast.rig.is_played and cast.rig.trial.needs_program, cast.rig.reason
 
 
+def refused(cast, clause):
+    """The rig stays Blender's, which says why with this clause."""
+    wait(cast)
+    assert not cast.rig.is_played and clause in cast.rig.reason, cast.rig.reason
+    cast.play()
+
+
 def test_a_mapping_of_frames_between_two_steps_is_seen(cast):
     """After it was read, and before it is compared on other frames."""
     states().take_over_again(cast.scene, layer())

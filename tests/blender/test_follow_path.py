@@ -3,17 +3,24 @@
 from random import Random
 
 import bpy
-import numpy as np
 import pytest
 from mathutils import Vector
 
 from helpers import needs_memory, needs_rig_programs, select
-from test_accelerated_rigs import accelerating as accelerating
-from test_accelerated_rigs import keep_live, wait
+from test_accelerated_rigs import accelerate, accelerating, keep_live, refused
 from test_played import FRAMES, Cast
 from test_played_who import both
 from test_rigs_as_programs import differences, refusal
-from test_spline_ik import animate, constrain, make_bones, make_curve, read_channel
+from test_spline_ik import (
+    animate,
+    assert_bones_are_not_updated,
+    assert_is_computed,
+    constrain,
+    hook_to_side,
+    make_bones,
+    make_curve,
+    read_channel,
+)
 
 pytestmark = needs_rig_programs
 
@@ -310,10 +317,7 @@ class Trains(Cast):
             for point in curve.data.splines[0].bezier_points:
                 point.handle_left_type = point.handle_right_type = "AUTO"
             if is_hooked:
-                hook = curve.modifiers.new("Hook", "HOOK")
-                hook.object, hook.subtarget, hook.falloff_type = armature, "side", "NONE"
-                hook.matrix_inverse = armature.data.bones["side"].matrix_local.inverted()
-                hook.vertex_indices_set([3, 4, 5])
+                hook_to_side(curve, armature)
             if is_keyed:
                 key_time(curve, ((1, 0), (10, 90)))
             follow(armature, "bone3", curve, use_curve_follow=True)
@@ -336,17 +340,9 @@ def cast(request, fresh_scene, monkeypatch):
     return cast
 
 
-def accelerate(cast):
-    wait(cast)
-    assert cast.rig.is_played and cast.rig.trial.needs_program, cast.rig.reason
-
-
 @needs_memory
 def test_it_is_computed_in_blender(cast):
-    accelerate(cast)
-    shapes = cast.play([*FRAMES, 3, -7, 400, 5])
-    assert cast.rig.is_played and np.ptp(shapes, axis=0).max() > 0.1
-    assert len(cast.rig.source.compared) > 1
+    assert_is_computed(cast)
 
 
 @needs_memory
@@ -356,25 +352,12 @@ def test_a_hidden_curve_that_changes_keeps_it_live(cast):
     for curve in cast.curves:
         curve.hide_viewport = True
     bpy.context.view_layer.update()
-    wait(cast)
-    assert not cast.rig.is_played and "is hidden: show it" in cast.rig.reason
-    cast.play(FRAMES)
+    refused(cast, "is hidden: show it")
 
 
 @needs_memory
 def test_blender_does_not_evaluate_its_bones_again(cast):
-    accelerate(cast)
-    updated = set()
-
-    def note(scene, graph):
-        updated.update(each.id.name for each in graph.updates)
-
-    bpy.app.handlers.depsgraph_update_post.append(note)
-    bpy.app.handlers.frame_change_post.append(note)
-    for frame in FRAMES:
-        cast.scene.frame_set(frame)
-        assert cast.played[0].name not in updated, updated
-    assert cast.live[0].name in updated
+    assert_bones_are_not_updated(cast)
 
 
 def edit_the_offset_factor(armature, curve):

@@ -9,7 +9,7 @@ from mathutils import Matrix
 from characters import accelerate as accelerate_mesh
 from characters import make_armature, make_mesh, pose
 from helpers import addon_module, depsgraph, evaluated, needs_memory, needs_rig_programs, select
-from test_accelerated_rigs import accelerating, keep_live, wait
+from test_accelerated_rigs import accelerating, keep_live, refused, wait
 from test_played import FRAMES, Cast, layer
 from test_played_who import both, can_render
 from test_rigs_that_follow_objects import assert_blender_evaluates_no_bones
@@ -444,12 +444,6 @@ def test_a_render_of_some_frames(cast, tmp_path):
 
 
 # --- what is Blender's ----------------------------------------------------------------------------
-
-
-def refused(cast, clause):
-    wait(cast)
-    assert not cast.rig.is_played and clause in cast.rig.reason, cast.rig.reason
-    cast.play()
 
 
 def test_a_child_that_moves_by_itself(cast):

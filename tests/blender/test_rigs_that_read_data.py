@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from characters import make_armature
-from helpers import addon_module, depsgraph, needs_memory, needs_rig_programs, select
+from helpers import addon_module, needs_memory, needs_rig_programs, select
 from test_accelerated_rigs import accelerating as accelerating
-from test_accelerated_rigs import keep_live, wait
+from test_accelerated_rigs import keep_live, refused, wait
 from test_played import FRAMES, Cast, layer
 from test_played_who import both
+from test_rigs_that_follow_objects import assert_blender_evaluates_no_bones
 
 pytestmark = [needs_rig_programs, needs_memory]
 
@@ -323,13 +324,7 @@ def test_a_rig_without_keyframes_of_its_own(cast_of, kind):
 @pytest.mark.parametrize("kind", [kind for kind, is_keyed in SOURCES if is_keyed])
 def test_blender_does_not_evaluate_the_bones_because_of_it(cast_of, kind, monkeypatch):
     cast = cast_of(kind, True)
-    cast.accelerate()
-    cast.scene.frame_set(4)
-    copy = cast.played[0].evaluated_get(depsgraph())
-    before = np.array([bone.matrix for bone in copy.pose.bones])
-    monkeypatch.setattr(addon_module("played.playing"), "_has_work", lambda: False)
-    cast.scene.frame_set(8)
-    assert np.array_equal([bone.matrix for bone in copy.pose.bones], before)
+    assert_blender_evaluates_no_bones(cast, monkeypatch)
 
 
 @pytest.mark.parametrize("kind", ["a property of the scene", "a lamp's power", "a shape key"])
@@ -340,18 +335,14 @@ def test_what_is_driven_keeps_it_live(cast_of, kind):
     layer().update()
     cast.assert_same()
     cast.play([3, 5])
-    wait(cast)
-    assert not cast.rig.is_played and "has a driver: bake it into keyframes" in cast.rig.reason
-    cast.play()
+    refused(cast, "has a driver: bake it into keyframes")
 
 
 @pytest.mark.parametrize("is_keyed", [False, True])
 def test_a_node_keeps_it_live(cast_of, is_keyed, monkeypatch):
     monkeypatch.setitem(KINDS, "a socket", socket)
     cast = cast_of("a socket", is_keyed)
-    wait(cast)
-    assert not cast.rig.is_played and "after an edit of which Blender evaluates no bones" in cast.rig.reason
-    cast.play()
+    refused(cast, "after an edit of which Blender evaluates no bones")
 
 
 @pytest.mark.parametrize("kind", ["a property of the scene", "a lamp's power"])
@@ -361,9 +352,7 @@ def test_what_strips_animate_keeps_it_live(cast_of, kind):
     data.nla_tracks.new().strips.new("strip", 1, data.action)
     data.action = None
     cast.play([2, 3])
-    wait(cast)
-    assert not cast.rig.is_played and "is animated by NLA strips" in cast.rig.reason
-    cast.play()
+    refused(cast, "is animated by NLA strips")
 
 
 def test_what_follows_from_keyframes_of_something_else_keeps_it_live(cast_of):
@@ -373,9 +362,7 @@ def test_what_follows_from_keyframes_of_something_else_keeps_it_live(cast_of):
         cast.owner.lens = lens
         cast.owner.keyframe_insert("lens", frame=frame)
     cast.play([2, 3])
-    wait(cast)
-    assert not cast.rig.is_played and "follows from others" in cast.rig.reason
-    cast.play()
+    refused(cast, "follows from others")
 
 
 def test_something_else_of_it_may_be_keyed(cast_of):
@@ -394,9 +381,7 @@ def test_another_scene_with_keyframes_keeps_it_live(cast_of, monkeypatch):
     monkeypatch.setitem(KINDS, "another scene", other)
     play_natively(cast_of("another scene", False))
     cast = cast_of("another scene", True)
-    wait(cast)
-    assert not cast.rig.is_played and "another scene, which has keyframes" in cast.rig.reason
-    cast.play()
+    refused(cast, "another scene, which has keyframes")
 
 
 def test_drivers_of_shape_keys_read_it_beside_bones(cast_of):
@@ -427,9 +412,7 @@ def test_the_frame_of_the_scene_keeps_it_live(cast_of):
     for armature, *_ in both(cast):
         drive(armature, Read(cast.scene, "frame_current", high=10))
     cast.play([2, 3])
-    wait(cast)
-    assert not cast.rig.is_played and "use the word frame in the expression" in cast.rig.reason
-    cast.play()
+    refused(cast, "use the word frame in the expression")
 
 
 def test_what_the_context_has_keeps_it_live(cast_of):
@@ -437,9 +420,7 @@ def test_what_the_context_has_keeps_it_live(cast_of):
     for armature, *_ in both(cast):
         drive(armature, cast.read, "CONTEXT_PROP")
     cast.play([2, 3])
-    wait(cast)
-    assert not cast.rig.is_played and "let it read the scene itself, as Single Property" in cast.rig.reason
-    cast.play()
+    refused(cast, "let it read the scene itself, as Single Property")
 
 
 def test_what_is_not_shown_keeps_it_live(cast_of):
@@ -447,9 +428,7 @@ def test_what_is_not_shown_keeps_it_live(cast_of):
     cast = cast_of("a lens", True)
     bpy.data.objects.remove(next(each for each in bpy.data.objects if each.data == cast.owner))
     cast.play([2, 3])
-    wait(cast)
-    assert not cast.rig.is_played and "Camera, which has keyframes and is not shown" in cast.rig.reason
-    cast.play()
+    refused(cast, "Camera, which has keyframes and is not shown")
     shown(cast, cast.owner)
     cast.play([2, 3])
     play_natively(cast)

@@ -8,8 +8,7 @@ import pytest
 from mathutils import Vector
 
 from helpers import needs_memory, needs_rig_programs, select
-from test_accelerated_rigs import accelerating as accelerating
-from test_accelerated_rigs import keep_live, wait
+from test_accelerated_rigs import accelerate, accelerating, keep_live
 from test_played import FRAMES, Cast
 from test_played_who import both
 from test_rigs_as_programs import differences, refusal
@@ -267,6 +266,37 @@ def test_without_a_curve_it_is_passed_over(fresh_scene, is_first):
     assert differences(armature, TIMES) == []
 
 
+def hook_to_side(curve, armature):
+    """Has the bone `side` bend a Bezier curve at its second point."""
+    hook = curve.modifiers.new("Hook", "HOOK")
+    hook.object, hook.subtarget, hook.falloff_type = armature, "side", "NONE"
+    hook.matrix_inverse = armature.data.bones["side"].matrix_local.inverted()
+    hook.vertex_indices_set([3, 4, 5])
+
+
+def assert_is_computed(cast):
+    accelerate(cast)
+    shapes = cast.play([*FRAMES, 3, -7, 400, 5])
+    assert cast.rig.is_played and np.ptp(shapes, axis=0).max() > 0.1
+    assert len(cast.rig.source.compared) > 1
+
+
+def assert_bones_are_not_updated(cast):
+    """Blender evaluates those of the live character alone."""
+    accelerate(cast)
+    updated = set()
+
+    def note(scene, graph):
+        updated.update(each.id.name for each in graph.updates)
+
+    bpy.app.handlers.depsgraph_update_post.append(note)
+    bpy.app.handlers.frame_change_post.append(note)
+    for frame in FRAMES:
+        cast.scene.frame_set(frame)
+        assert cast.played[0].name not in updated, updated
+    assert cast.live[0].name in updated
+
+
 class Tentacles(Cast):
     """A cast whose characters have a chain along a curve of their own, which their bone `side` bends."""
 
@@ -286,10 +316,7 @@ class Tentacles(Cast):
                     "AUTO",
                 )
             if hooked:
-                hook = curve.modifiers.new("Hook", "HOOK")
-                hook.object, hook.subtarget, hook.falloff_type = armature, "side", "NONE"
-                hook.matrix_inverse = armature.data.bones["side"].matrix_local.inverted()
-                hook.vertex_indices_set([3, 4, 5])
+                hook_to_side(curve, armature)
             constraint = armature.pose.bones["bone4"].constraints.new("SPLINE_IK")
             constraint.target, constraint.chain_count = curve, 3
             self.curves.append(curve)
@@ -310,34 +337,15 @@ def cast(request, fresh_scene, monkeypatch):
     return cast
 
 
-def accelerate(cast):
-    wait(cast)
-    assert cast.rig.is_played and cast.rig.trial.needs_program, cast.rig.reason
-
-
 @needs_memory
 def test_it_is_computed_in_blender(cast):
-    accelerate(cast)
-    shapes = cast.play([*FRAMES, 3, -7, 400, 5])
-    assert cast.rig.is_played and np.ptp(shapes, axis=0).max() > 0.1
-    assert len(cast.rig.source.compared) > 1
+    assert_is_computed(cast)
 
 
 @needs_memory
 def test_blender_does_not_evaluate_its_bones_again(cast):
     """Although its curve is bent on each frame."""
-    accelerate(cast)
-    updated = set()
-
-    def note(scene, graph):
-        updated.update(each.id.name for each in graph.updates)
-
-    bpy.app.handlers.depsgraph_update_post.append(note)
-    bpy.app.handlers.frame_change_post.append(note)
-    for frame in FRAMES:
-        cast.scene.frame_set(frame)
-        assert cast.played[0].name not in updated, updated
-    assert cast.live[0].name in updated
+    assert_bones_are_not_updated(cast)
 
 
 def edit_a_point(curve):
